@@ -1,0 +1,1 @@
+"""The echoscape command, one file a subcommand."""

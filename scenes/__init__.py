@@ -1,0 +1,1 @@
+"""What stands in the world and who moves. Knows no radar."""

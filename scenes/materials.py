@@ -1,0 +1,199 @@
+"""Materials of the world: electrical rows of ITU-R P.2040 and the surface roughness that radar sees.
+
+Permittivity eps' = a f^b and conductivity c f^d [S/m] with f in GHz: ITU-R P.2040-3 (08/2023), Table 3;
+asphalt concrete from P.2040-4 (09/2025). Roughness values are ours, calibrated, each with its ground.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """A surface: how it reflects (ITU row) and how rough it is.
+
+    `rms_height_m` is the small-scale roughness (Rayleigh factor); `scattering` is S of the effective-roughness
+    model (Degli-Esposti 2007), the amplitude share that scatters diffusely; `rms_slope_rad` is the waviness on
+    scales above the wavelength, which widens a mirror reflection to a glint of finite width.
+    """
+
+    name: str
+    a: float
+    b: float
+    c: float
+    d: float
+    band_ghz: tuple[float, float]
+    source: str
+    rms_height_m: float
+    scattering: float
+    rms_slope_rad: float
+    roughness_source: str
+
+
+_P3 = "ITU-R P.2040-3, Table 3"
+_P4 = "ITU-R P.2040-4, Table 3"
+
+
+MATERIALS: dict[str, Material] = {
+    row.name: row
+    for row in (
+        Material(
+            name="concrete",
+            a=5.24,
+            b=0.0,
+            c=0.0462,
+            d=0.7822,
+            band_ghz=(1.0, 100.0),
+            source=_P3,
+            rms_height_m=0.0003,
+            scattering=0.5,
+            rms_slope_rad=0.012,
+            roughness_source="cast and rendered facades: rms 0.2-0.5 mm; waviness of a few mm over a metre; calibrated",
+        ),
+        Material(
+            name="brick",
+            a=3.91,
+            b=0.0,
+            c=0.0238,
+            d=0.16,
+            band_ghz=(1.0, 40.0),
+            source=_P3,
+            rms_height_m=0.0008,
+            scattering=0.6,
+            rms_slope_rad=0.015,
+            roughness_source="mortar joints 2-10 mm deep, faces 0.5-1 mm; row used beyond its band (extrapolated to 76.5 GHz)",
+        ),
+        Material(
+            name="plasterboard",
+            a=2.73,
+            b=0.0,
+            c=0.0085,
+            d=0.9395,
+            band_ghz=(1.0, 100.0),
+            source=_P3,
+            rms_height_m=0.0002,
+            scattering=0.3,
+            rms_slope_rad=0.01,
+            roughness_source="smooth board; calibrated",
+        ),
+        Material(
+            name="wood",
+            a=1.99,
+            b=0.0,
+            c=0.0047,
+            d=1.0718,
+            band_ghz=(0.001, 100.0),
+            source=_P3,
+            rms_height_m=0.0005,
+            scattering=0.5,
+            rms_slope_rad=0.02,
+            roughness_source="sawn timber, fences and doors; calibrated",
+        ),
+        Material(
+            name="glass",
+            a=6.31,
+            b=0.0,
+            c=0.0036,
+            d=1.3394,
+            band_ghz=(0.1, 100.0),
+            source=_P3,
+            rms_height_m=1e-06,
+            scattering=0.05,
+            rms_slope_rad=0.003,
+            roughness_source="float glass is optically smooth; panes lean by tenths of a degree; calibrated",
+        ),
+        Material(
+            name="metal",
+            a=1.0,
+            b=0.0,
+            c=10000000.0,
+            d=0.0,
+            band_ghz=(1.0, 100.0),
+            source=_P3,
+            rms_height_m=5e-05,
+            scattering=0.15,
+            rms_slope_rad=0.02,
+            roughness_source="painted sheet: smooth, pressed in shallow curves; calibrated",
+        ),
+        Material(
+            name="asphalt",
+            a=4.83,
+            b=0.0,
+            c=0.0108,
+            d=1.3969,
+            band_ghz=(1.0, 40.0),
+            source=_P4,
+            rms_height_m=0.0008,
+            scattering=0.5,
+            rms_slope_rad=0.01,
+            roughness_source="dense asphalt texture depth 0.5-1 mm; row used beyond its band (extrapolated to 76.5 GHz)",
+        ),
+        Material(
+            name="paving",
+            a=5.24,
+            b=0.0,
+            c=0.0462,
+            d=0.7822,
+            band_ghz=(1.0, 100.0),
+            source=_P3,
+            rms_height_m=0.0006,
+            scattering=0.5,
+            rms_slope_rad=0.012,
+            roughness_source="concrete slabs and kerbs, joints of some mm; the row of concrete; calibrated",
+        ),
+        Material(
+            name="soil",
+            a=3.0,
+            b=0.0,
+            c=0.00015,
+            d=2.52,
+            band_ghz=(1.0, 10.0),
+            source=_P3,
+            rms_height_m=0.003,
+            scattering=0.9,
+            rms_slope_rad=0.1,
+            roughness_source="very dry ground; grass and earth, rms 2-5 mm; row used beyond its band (extrapolated to 76.5 GHz)",
+        ),
+        Material(
+            name="foliage",
+            a=1.99,
+            b=0.0,
+            c=0.0047,
+            d=1.0718,
+            band_ghz=(0.001, 100.0),
+            source=_P3,
+            rms_height_m=0.002,
+            scattering=0.9,
+            rms_slope_rad=0.3,
+            roughness_source="leaves and twigs: thin wet sheets in all directions, taken as rough wood; calibrated",
+        ),
+        Material(
+            name="rubber",
+            a=2.58,
+            b=0.0,
+            c=0.0217,
+            d=0.78,
+            band_ghz=(1.0, 100.0),
+            source=_P3,
+            rms_height_m=0.001,
+            scattering=0.6,
+            rms_slope_rad=0.1,
+            roughness_source="tyres: no ITU row, that of chipboard has the nearest permittivity; calibrated",
+        ),
+        Material(
+            name="person",
+            a=7.074,
+            b=0.0,
+            c=0.0055,
+            d=0.9262,
+            band_ghz=(1.0, 60.0),
+            source=_P3,
+            rms_height_m=0.002,
+            scattering=0.8,
+            rms_slope_rad=0.2,
+            roughness_source="clothed skin: no ITU row, that of marble has the nearest permittivity; row used beyond its band; calibrated",
+        ),
+    )
+}
+
+MATERIAL_NAMES: tuple[str, ...] = tuple(MATERIALS)
+"""Material names in the order of their numeric ids."""

@@ -1,0 +1,1 @@
+"""A scene and a drive become polar scans with their truth."""
