@@ -1,0 +1,154 @@
+"""Plane curves as sampled lines: resampling, offsets, curvature, and the smooth curves that turn traffic.
+
+Turns are quintic Hermite curves that match position, direction and curvature at both ends; bulbs are U-turns
+whose curvature ramps linearly (clothoids, as in road design).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+Line = NDArray[np.float64]
+"""A sampled curve: (P, 2) float64 [m]."""
+
+
+def arc_length(line: Line) -> NDArray[np.float64]:
+    """Return (P,) the distance [m] along `line` of each of its points."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+
+
+def resampled(line: Line, step_m: float) -> Line:
+    """Return `line` with equally spaced points at most `step_m` apart, both ends kept."""
+    along = arc_length(line)
+    return points_at(line, np.linspace(0.0, along[-1], max(int(np.ceil(along[-1] / step_m)), 3) + 1))
+
+
+def points_at(line: Line, distance_m: NDArray[np.float64]) -> Line:
+    """Return the (N, 2) points at `distance_m` (N,) along `line`."""
+    along = arc_length(line)
+    return np.stack([np.interp(distance_m, along, line[:, axis]) for axis in range(2)], axis=-1)
+
+
+def part(line: Line, start_m: float, end_m: float) -> Line:
+    """Return the piece of `line` from `start_m` to `end_m` along it."""
+    along = arc_length(line)
+    inside = along[(along > start_m + 1e-3) & (along < end_m - 1e-3)]
+    return points_at(line, np.concatenate([[start_m], inside, [end_m]]))
+
+
+def tangents(line: Line) -> Line:
+    """Return (P, 2) unit tangents, of second order at the ends too."""
+    slope = np.gradient(line, arc_length(line), axis=0, edge_order=2)
+    return slope / np.linalg.norm(slope, axis=1, keepdims=True)
+
+
+def left_normals(line: Line) -> Line:
+    """Return (P, 2) unit normals that point to the left of travel."""
+    along = tangents(line)
+    return np.stack([-along[:, 1], along[:, 0]], axis=-1)
+
+
+def offset(line: Line, distance_m: float) -> Line:
+    """Return the line at `distance_m` to the left of `line` (negative: to the right)."""
+    return line + distance_m * left_normals(line)
+
+
+def headings(line: Line) -> NDArray[np.float64]:
+    """Return (P,) the unwrapped heading [rad] of each point's tangent."""
+    along = tangents(line)
+    return np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
+
+
+def curvature(line: Line) -> NDArray[np.float64]:
+    """Return (P,) the signed curvature [1/m], positive where the line bends to the left."""
+    return np.gradient(headings(line), arc_length(line), edge_order=1)
+
+
+def smallest_radius(line: Line) -> float:
+    """Return the smallest radius of curvature [m] of a line, from the heading change per sample."""
+    steps = np.diff(line, axis=0)
+    bend = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
+    length = np.hypot(*steps.T)
+    return float(1.0 / max(np.max(2 * bend / (length[1:] + length[:-1])), 1e-9))
+
+
+def turn(before: Line, after: Line, *, step_m: float = 0.1) -> Line:
+    """Return a smooth curve from the end of `before` to the start of `after`.
+
+    The quintic Hermite curve whose two speeds, out of a grid, give the gentlest peak of curvature.
+    """
+    start, end = before[-1], after[0]
+    direction = np.stack([tangents(before[-8:])[-1], tangents(after[:8])[0]])  # (2, 2)
+    bend = np.array([np.median(curvature(before[-12:])[-6:-1]), np.median(curvature(after[:12])[1:6])])
+    chord = float(np.linalg.norm(end - start))
+    speed = chord * np.linspace(0.7, 2.0, 10)
+    leave, arrive = (grid.ravel() for grid in np.meshgrid(speed, speed))  # (G,)
+    candidates = _quintics(start, end, direction, bend, np.stack([leave, arrive], axis=-1))  # (G, T, 2)
+    best = int(np.argmin(_peak_curvature(candidates)))
+    line = _quintics(start, end, direction, bend, np.array([[leave[best], arrive[best]]]), samples=801)[0]
+    line[0], line[-1] = start, end
+    return resampled(line, step_m)
+
+
+def _quintics(
+    start: Line, end: Line, direction: Line, bend: NDArray[np.float64], speeds: Line, samples: int = 41
+) -> NDArray[np.float64]:
+    """Return (G, samples, 2) quintic Hermite curves, one for each row of `speeds` (G, 2)."""
+    normal = np.stack([-direction[:, 1], direction[:, 0]], axis=-1)
+    first = speeds[:, :, None] * direction  # (G, 2 ends, 2)
+    second = speeds[:, :, None] ** 2 * (bend[:, None] * normal)
+    gap = np.broadcast_to(end - start, first[:, 0].shape)
+    rest = gap - first[:, 0] - second[:, 0] / 2
+    slope = first[:, 1] - first[:, 0] - second[:, 0]
+    hump = second[:, 1] - second[:, 0]
+    cubic, quartic, fifth = (
+        10 * rest - 4 * slope + hump / 2,
+        -15 * rest + 7 * slope - hump,
+        6 * rest - 3 * slope + hump / 2,
+    )
+    time = np.linspace(0.0, 1.0, samples)[:, None]
+    terms = ((first[:, 0], 1), (second[:, 0] / 2, 2), (cubic, 3), (quartic, 4), (fifth, 5))
+    return start + sum(factor[:, None, :] * time**power for factor, power in terms)
+
+
+def _peak_curvature(lines: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (G,) the greatest absolute curvature [1/m] of each of the (G, T, 2) lines."""
+    step = np.diff(lines, axis=1)
+    length = np.maximum(np.linalg.norm(step, axis=-1), 1e-9)
+    cross = step[:, :-1, 0] * step[:, 1:, 1] - step[:, :-1, 1] * step[:, 1:, 0]
+    bend = np.abs(np.arctan2(cross, np.sum(step[:, :-1] * step[:, 1:], axis=-1)))
+    return np.max(2 * bend / (length[:, 1:] + length[:, :-1]), axis=1)
+
+
+def bulb(offset_m: float, radius_m: float, *, side_radius_m: float = 9.0, step_m: float = 0.25) -> Line:
+    """Return a U-turn to the left from (0, -offset) heading along +x to (0, +offset) heading along -x.
+
+    It swings out to the right first, so that its radius may exceed `offset_m`.
+    """
+    ramp = min(radius_m, side_radius_m) * 0.4
+
+    def half(swing_rad: float) -> Line:
+        dip, rise = side_radius_m * swing_rad, radius_m * (np.pi / 2 + swing_rad)  # lengths at full curvature
+        ease, rush = min(ramp, dip / 2), min(ramp, rise / 2)
+        knots = [0.0, ease, dip, dip + ease, dip + ease + rush, dip + ease + rise + rush / 2]
+        values = [0.0, -1 / side_radius_m, -1 / side_radius_m, 0.0, 1 / radius_m, 1 / radius_m]
+        along = np.linspace(0.0, knots[-1], 4001)
+        bend = np.interp(along, knots, values)
+        step = along[1]
+        heading = np.concatenate([[0.0], np.cumsum((bend[1:] + bend[:-1]) / 2 * step)])
+        heading += (np.pi / 2 - heading[-1]) * along / along[-1]
+        middle = (heading[1:] + heading[:-1]) / 2
+        steps = np.stack([np.cos(middle), np.sin(middle)], axis=-1) * step
+        return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+
+    swing = brentq(lambda angle: half(angle)[-1, 1] - offset_m, 1e-3, 1.5, xtol=1e-12)
+    first = half(float(swing)) - [0.0, offset_m]
+    line = np.concatenate([first, (first * [1.0, -1.0])[-2::-1]])
+    line[0], line[-1] = (0.0, -offset_m), (0.0, offset_m)
+    return resampled(line, step_m)
+
+
+def placed(line: Line, origin: Line, heading_rad: float) -> Line:
+    """Return `line` turned by `heading_rad` and moved to `origin` (2,)."""
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    return origin + line @ np.array([[cos, sin], [-sin, cos]])
