@@ -142,7 +142,7 @@ def _bus_shelter() -> dict[str, Mesh]:
     centres = np.linspace(-y, y, 4)[:-1] + length / 6
     panes = [box((0.012, length / 3 - 0.12, 1.76), (back, place, 1.2)) for place in centres]
     panes += [box((1.02, 0.012, 1.76), (-0.22, side * y, 1.2)) for side in (-1, 1)]
-    return {"metal": merge([*posts, *rails, loft(rings[::-1]), *bench]), "glass": merge(panes)}
+    return {"metal": merge([*posts, *rails, loft(rings), *bench]), "glass": merge(panes)}
 
 
 def _round_bin() -> Mesh:
