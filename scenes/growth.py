@@ -114,22 +114,28 @@ def _split_all(plan: _Plan, growth: Growth, rng: np.random.Generator) -> None:
         points = np.array([plan.nodes[n] for n in face])
         if _area(points) < growth.block_m2 * rng.uniform(0.7, 2.6):
             continue
-        for _ in range(30):
-            halves = _split(plan, face, depth, rng)
+        for attempt in range(60):
+            halves = _split(plan, face, depth, attempt, rng)
             if halves is not None:
                 waiting += [(half, depth + 1) for half in halves]
                 break
 
 
-def _split(plan: _Plan, face: list[int], depth: int, rng: np.random.Generator) -> list[list[int]] | None:
-    """Split one block by a street, or return None where it would come too near to another."""
+def _split(
+    plan: _Plan, face: list[int], depth: int, attempt: int, rng: np.random.Generator
+) -> list[list[int]] | None:
+    """Split one block by a street, or return None where it would come too near to another.
+
+    Later attempts stray more from the middle and from the square.
+    """
     points = np.array([plan.nodes[n] for n in face])
     centre = points.mean(axis=0)
     _, axes = np.linalg.eigh(np.cov((points - centre).T))
-    long, across = axes[:, 1], axes[:, 0]
+    long, across = (axes[:, 1], axes[:, 0]) if attempt % 4 < 3 else (axes[:, 0], axes[:, 1])
+    stray = 0.15 * min(attempt / 30, 1.0)
     reach = (points - centre) @ long
-    through = centre + long * (reach.min() + rng.uniform(0.36, 0.64) * np.ptp(reach))
-    angle = rng.normal(0.0, 0.16)
+    through = centre + long * (reach.min() + rng.uniform(0.36 - stray, 0.64 + stray) * np.ptp(reach))
+    angle = rng.normal(0.0, 0.16 + 2 * stray)
     direction = across * np.cos(angle) + long * np.sin(angle)
     hits = _crossings(plan, face, through, direction)
     if len(hits) != 2:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from echoscape.scenes.curves import (
     Line,
@@ -28,7 +29,7 @@ RING_RADIUS_M = 16.0
 BULB_RADIUS_M = 7.0
 _BULB_ROOM_M = 15.0
 _RIGHT_RADIUS_M = 10.0
-_SHARPEST_M = 5.5
+_SHARPEST_M = 5.2
 _LATERAL_MPS2 = 2.0
 
 
@@ -102,18 +103,45 @@ class LaneBook:
 
 
 class Arm(NamedTuple):
-    """A street end at a junction: lanes run from the inmost; `heading_rad` leads away from the junction."""
+    """A street end at a junction: lanes run from the inmost; `heading_rad` leads away from the junction.
+
+    `ahead_rad` is the heading 15 m further on.
+    """
 
     street: int
     starts: bool
     heading_rad: float
+    ahead_rad: float
     incoming: tuple[int, ...] = ()
     outgoing: tuple[int, ...] = ()
 
 
-def road_graph(network: Network) -> RoadGraph:
-    """Return the lanes of a street network, without walks."""
-    room = junction_room(network)
+Room = list[tuple[float, float]]
+"""How far [m] each street is cut back at its start and its end."""
+
+
+def road_graph(network: Network) -> tuple[RoadGraph, Room]:
+    """Return the lanes of a street network, without walks, and how far its streets are cut back.
+
+    Junctions whose turns come out too sharp are made larger.
+    """
+    size = np.ones(len(network.junctions))
+    for _ in range(4):
+        room = _junction_room(network, size)
+        graph = _graph(network, room)
+        tight = {
+            lane.junction
+            for lane in graph.lanes
+            if lane.kind == "turn" and smallest_radius(lane.centre) < _SHARPEST_M
+        }
+        if not tight:
+            break
+        size[[junction for junction in tight if junction is not None]] *= 1.25
+    return graph, room
+
+
+def _graph(network: Network, room: Room) -> RoadGraph:
+    """Return the lanes of streets that are cut back by `room`."""
     book = LaneBook()
     lanes = [_street_lanes(book, street, room[number]) for number, street in enumerate(network.streets)]
     for junction in range(len(network.junctions)):
@@ -131,13 +159,13 @@ def road_graph(network: Network) -> RoadGraph:
     return book.graph(network.junctions)
 
 
-def junction_room(network: Network) -> list[tuple[float, float]]:
-    """Return for every street how far [m] it is cut back at its start and its end."""
+def _junction_room(network: Network, size: NDArray[np.float64]) -> Room:
+    """Return how far streets are cut back where junction j is `size[j]` times as large as it need be."""
     room = [[0.0, 0.0] for _ in network.streets]
     for junction in range(len(network.junctions)):
         arms = _arms(network, junction)
         for arm, length in zip(arms, _cuts(network, junction, arms), strict=True):
-            room[arm.street][0 if arm.starts else 1] = length
+            room[arm.street][0 if arm.starts else 1] = float(length * size[junction])
     for street, ends in zip(network.streets, room, strict=True):
         spare = street.length_m - 8.0
         if sum(ends) > spare:
@@ -150,8 +178,8 @@ def _arms(network: Network, junction: int) -> list[Arm]:
     arms = []
     for street, starts in network.arms(junction):
         line = network.streets[street].line
-        away = headings(line[:12])[0] if starts else headings(line[::-1][:12])[0]
-        arms.append(Arm(street, starts, float(away % (2 * np.pi))))
+        away = headings((line if starts else line[::-1])[:18])
+        arms.append(Arm(street, starts, float(away[0] % (2 * np.pi)), float(away[-3])))
     return sorted(arms, key=lambda arm: arm.heading_rad)
 
 
@@ -170,7 +198,7 @@ def _cuts(network: Network, junction: int, arms: list[Arm]) -> list[float]:
     cuts = [max(8.0, max(kind.half_width_m for kind in types) * 0.8 + 2.0)] * len(arms)
     for i in range(len(arms)):
         j = (i + 1) % len(arms)
-        gap = (arms[j].heading_rad - arms[i].heading_rad) % (2 * np.pi)
+        gap = min((arms[j].ahead_rad - arms[i].ahead_rad) % (2 * np.pi), _gap_rad(arms[i], arms[j]))
         if gap < np.deg2rad(160):
             tangent = _RIGHT_RADIUS_M / np.tan(gap / 2)
             for near, far in ((i, j), (j, i)):
@@ -238,6 +266,11 @@ def _serve_idle(book: LaneBook, arm: Arm, straight: Arm, junction: int) -> None:
             book.connect(before, straight.outgoing[side], junction=junction)
 
 
+def _gap_rad(arm: Arm, other: Arm) -> float:
+    """Return the angle from `arm` counter-clockwise to `other`."""
+    return (other.heading_rad - arm.heading_rad) % (2 * np.pi)
+
+
 def _bend_rad(arm: Arm, other: Arm) -> float:
     """Return the change of heading from coming along `arm` to leaving along `other`, left positive."""
     return (other.heading_rad - arm.heading_rad) % (2 * np.pi) - np.pi
@@ -263,9 +296,7 @@ def _set_yields(book: LaneBook, network: Network, arms: list[Arm]) -> None:
 def _add_roundabout(book: LaneBook, network: Network, junction: int, arms: list[Arm]) -> None:
     """Add a ring driven counter-clockwise, with an entry and an exit for every lane of every arm."""
     centre = network.junctions[junction]
-    gaps = [
-        (arms[(i + 1) % len(arms)].heading_rad - arm.heading_rad) % (2 * np.pi) for i, arm in enumerate(arms)
-    ]
+    gaps = [_gap_rad(arm, arms[(i + 1) % len(arms)]) for i, arm in enumerate(arms)]
     half = min(0.55, min(gaps) / 2 - 0.12)
     angles = [arm.heading_rad + side for arm in arms for side in (-half, half)]
     angles.append(angles[0] + 2 * np.pi)

@@ -41,7 +41,7 @@ AVENUE = StreetType(
     name="avenue", lanes=2, lane_width_m=3.3, parking_m=2.5, pavement_m=4.0, speed_limit_mps=13.4
 )
 STREET = StreetType(
-    name="street", lanes=1, lane_width_m=3.25, parking_m=2.4, pavement_m=2.6, speed_limit_mps=13.4
+    name="street", lanes=1, lane_width_m=3.25, parking_m=2.5, pavement_m=2.6, speed_limit_mps=13.4
 )
 PLAIN = StreetType(
     name="plain", lanes=1, lane_width_m=3.25, parking_m=0.0, pavement_m=2.4, speed_limit_mps=13.4
@@ -50,10 +50,10 @@ NARROW = StreetType(
     name="narrow", lanes=1, lane_width_m=2.75, parking_m=0.0, pavement_m=2.0, speed_limit_mps=9.0
 )
 ESTATE = StreetType(
-    name="estate", lanes=1, lane_width_m=3.0, parking_m=2.2, pavement_m=2.2, speed_limit_mps=9.0
+    name="estate", lanes=1, lane_width_m=3.0, parking_m=2.5, pavement_m=2.2, speed_limit_mps=9.0
 )
 WORKS = StreetType(
-    name="works", lanes=1, lane_width_m=3.6, parking_m=3.1, pavement_m=2.2, speed_limit_mps=13.4
+    name="works", lanes=1, lane_width_m=3.6, parking_m=3.2, pavement_m=2.2, speed_limit_mps=13.4
 )
 COUNTRY = StreetType(
     name="country", lanes=1, lane_width_m=3.4, parking_m=0.0, pavement_m=0.0, speed_limit_mps=22.0

@@ -3,14 +3,23 @@
 Each stage draws from a seed sequence of its own, so that a change to one stage leaves the rest.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
+from echoscape.scenes.assembly import Assembly, Taken
+from echoscape.scenes.blocks import blocks_of, fill_blocks
 from echoscape.scenes.countryside import country_roads, straight_road
+from echoscape.scenes.dressing import dress_streets
+from echoscape.scenes.furniture import furniture_prototypes
+from echoscape.scenes.greenery import tree_prototypes
 from echoscape.scenes.growth import grown_network
 from echoscape.scenes.lanes import road_graph
 from echoscape.scenes.presets import PRESETS, Preset
 from echoscape.scenes.streets import Network
-from echoscape.scenes.world import Placements, Town
+from echoscape.scenes.surfaces import KERB_WIDTH_M, Ground, flat, ground_plan, kerb_runs, walking_lines
+from echoscape.scenes.vehicles import vehicle_prototypes
+from echoscape.scenes.world import Town
 
 
 def build_town(preset: str = "town", *, seed: int) -> Town:
@@ -18,30 +27,30 @@ def build_town(preset: str = "town", *, seed: int) -> Town:
     if preset not in PRESETS:
         raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {preset!r}")
     settings = PRESETS[preset]
-    network = _network(settings, _rng(seed, 0))
-    roads = road_graph(network)
-    bounds = (
-        *(network.junctions.min(axis=0) - settings.margin_m),
-        *(network.junctions.max(axis=0) + settings.margin_m),
-    )
-    nothing = np.zeros(0, dtype=np.uint32)
-    placements = Placements(
-        prototype=nothing, instance=nothing, position=np.zeros((0, 3)), yaw=np.zeros(0), scale=np.zeros(0)
-    )
+    network = _network(settings, np.random.default_rng(_stage(seed, 0)))
+    roads, room = road_graph(network)
+    ground = ground_plan(network, roads, room, margin_m=settings.margin_m)
+    assembly = Assembly((*vehicle_prototypes(), *furniture_prototypes(), *tree_prototypes()))
+    taken = Taken()
+    lay_ground(assembly, ground, settings)
+    dress_streets(assembly, taken, network, room, settings, seeds=_stage(seed, 2))
+    if settings.uses:
+        fill_blocks(assembly, taken, ground, network, settings, seeds=_stage(seed, 1))
+    x0, y0, x1, y1 = (float(value) for value in ground.land.bounds)
     return Town(
         preset=preset,
         seed=seed,
-        static={},
-        prototypes=(),
-        placements=placements,
-        instance_class=np.zeros(1, dtype=np.uint8),
-        roads=roads,
-        bounds_m=tuple(float(b) for b in bounds),  # pyright: ignore[reportArgumentType]
+        static=assembly.static(),
+        prototypes=assembly.prototypes,
+        placements=assembly.placements(),
+        instance_class=assembly.instance_class(),
+        roads=replace(roads, walks=walking_lines(ground)),
+        bounds_m=(x0, y0, x1, y1),
     )
 
 
-def _rng(seed: int, stage: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence([seed, stage]))
+def _stage(seed: int, stage: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence([seed, stage])
 
 
 def _network(settings: Preset, rng: np.random.Generator) -> Network:
@@ -49,3 +58,24 @@ def _network(settings: Preset, rng: np.random.Generator) -> Network:
     if settings.growth is not None:
         return grown_network(settings.growth, rng=rng)
     return country_roads(rng=rng) if settings.layout == "country" else straight_road()
+
+
+def lay_ground(assembly: Assembly, ground: Ground, settings: Preset) -> None:
+    """Add carriageways, kerbs, pavements and the soil of every block, each an object of its own."""
+    high = settings.kerb_height_m
+    for piece in (*ground.streets, *ground.crossings):
+        surface = flat(piece, 0.0)
+        if surface is not None:
+            assembly.add("road", {"asphalt": surface})
+    inner = ground.carriageway
+    if high > 0:
+        for run in kerb_runs(ground.carriageway, height_m=high):
+            assembly.add("kerb", {"paving": run})
+        inner = ground.carriageway.buffer(KERB_WIDTH_M, join_style="mitre", mitre_limit=2.0)
+    paved = flat(ground.corridor.difference(inner), high)
+    if paved is not None:
+        assembly.add("pavement", {"paving": paved})
+    for block in blocks_of(ground):
+        soil = flat(block, high)
+        if soil is not None:
+            assembly.add("ground", {"soil": soil})
