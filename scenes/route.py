@@ -15,6 +15,8 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from echoscape.scenes.roads import Lane, RoadGraph
 
 _U_TURN_COST_M = 300.0
+_TURN_COST_M_PER_RAD = 40.0
+_STRAIGHT_LIKING = 2.0
 _MIN_START_LANE_M = 40.0
 
 
@@ -26,7 +28,7 @@ class RouteSettings:
     course on average, an excursion lasts `explore_m`; a u-turn is due after `u_turn_every_m`.
     """
 
-    revisit_share: float = 0.42
+    revisit_share: float = 0.45
     explore_m: float = 500.0
     retrace_m: float = 350.0
     u_turn_every_m: float = 2000.0
@@ -65,7 +67,8 @@ def plan_route(
     walk = _Walk(LaneNetwork(roads), rng)
     start_m = float(rng.uniform(0.25, 0.5)) * walk.network.lengths_m[walk.lanes[0]]
     while walk.length_m < start_m + length_m:
-        if walk.since_u_turn_m > settings.u_turn_every_m and walk.turn_round():
+        if walk.since_u_turn_m > settings.u_turn_every_m:
+            walk.turn_round()
             walk.retrace(settings.retrace_m)
         elif walk.length_m > settings.explore_m and walk.revisited_share < settings.revisit_share:
             walk.come_back(settings.retrace_m)
@@ -88,7 +91,9 @@ class LaneNetwork:
             [(lane.id, after) for lane in roads.lanes for after in lane.successors], dtype=np.intp
         )
         pairs = pairs.reshape(-1, 2)
-        cost = self.lengths_m + _U_TURN_COST_M * np.array([lane.kind == "u_turn" for lane in roads.lanes])
+        u_turn = np.array([lane.kind == "u_turn" for lane in roads.lanes])
+        bend = np.where([lane.kind == "turn" for lane in roads.lanes], np.abs(self.turn_rad), 0.0)
+        cost = self.lengths_m + _U_TURN_COST_M * u_turn + _TURN_COST_M_PER_RAD * bend
         shape = (len(roads.lanes), len(roads.lanes))
         self.graph = csr_matrix((cost[pairs[:, 1]], (pairs[:, 0], pairs[:, 1])), shape=shape)
         _, part = connected_components(self.graph, directed=True, connection="strong")
@@ -98,15 +103,25 @@ class LaneNetwork:
             raise ValueError("roads must hold a loop of lanes to drive on, got none")
 
     def way(self, start: int, goal: int) -> list[int]:
-        """Return the lanes of the shortest way after `start` up to and with `goal`; empty where there is none."""
+        """Return the lanes of the shortest way after `start` up to `goal`; empty where there is none."""
         _, before = dijkstra(self.graph, indices=start, return_predecessors=True)
-        lanes: list[int] = []
-        while goal != start:
-            if goal < 0:
-                return []
-            lanes.append(goal)
-            goal = int(before[goal])
-        return lanes[::-1]
+        return _traced(before, start, goal)
+
+    def way_to_u_turn(self, start: int) -> list[int]:
+        """Return the lanes of the shortest way after `start` up to a u-turn; empty where there is none."""
+        cost, before = dijkstra(self.graph, indices=start, return_predecessors=True)
+        u_turns = [lane.id for lane in self.lanes if lane.kind == "u_turn" and self.endless[lane.id]]
+        return _traced(before, start, min(u_turns, key=lambda lane: cost[lane])) if u_turns else []
+
+
+def _traced(before: NDArray[np.int32], start: int, goal: int) -> list[int]:
+    lanes: list[int] = []
+    while goal != start:
+        if goal < 0:
+            return []
+        lanes.append(goal)
+        goal = int(before[goal])
+    return lanes[::-1]
 
 
 def _turn_angle(lane: Lane) -> float:
@@ -180,16 +195,13 @@ class _Walk:
             return 0.003
         driven = self.visits[lane_id] + min((self.visits[after] for after in lane.successors), default=0.0)
         just_now = 0.02 if lane_id in self.lanes[-12:] else 1.0
-        return just_now * float(np.exp(-abs(self.network.turn_rad[lane_id]))) / (1.0 + driven) ** 2
+        return just_now * float(np.exp(-_STRAIGHT_LIKING * abs(self.network.turn_rad[lane_id]))) / (1.0 + driven) ** 2
 
-    def turn_round(self) -> bool:
-        """Take a u-turn where this lane ends, if there is one."""
-        turns = [option for option in self._options() if self.network.lanes[option].kind == "u_turn"]
-        if not turns:
-            self.explore(1.0)
-            return False
-        self.take(turns[0])
-        return True
+    def turn_round(self) -> None:
+        """Drive to the nearest place for a u-turn and take it; where there is none, forget about it."""
+        self.since_u_turn_m = 0.0
+        for step in self.network.way_to_u_turn(self.lanes[-1]):
+            self.take(step)
 
     def retrace(self, mean_m: float) -> None:
         """Follow the most recent streets backwards."""

@@ -1,0 +1,90 @@
+"""People on the pavements: up one side of their walking line and down the other, round and round.
+
+All on one line keep one pace and keep to the right, so that they pass one another and never run into one another.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from echoscape.scenes.trajectory import Trajectory
+
+PACE_MPS = (0.8, 1.8)
+PAVEMENT_M = 0.12
+ASIDE_M = 0.4
+
+_STEP_M = 0.1
+_KNOT_S = 0.25
+_SHORTEST_M = 4.0
+_APART_M = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Round:
+    """A closed way along a walking line and back: `arc_m` (S,) and `xy` (S, 2) [m], the last point the first."""
+
+    arc_m: NDArray[np.float64]
+    xy: NDArray[np.float64]
+
+
+def walking_round(walk: NDArray[np.float64], *, aside_m: float = ASIDE_M) -> Round:
+    """Return the way along `walk` (P, 2) [m], `aside_m` to the right of it in either direction."""
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(walk, axis=0).T))])
+    at = np.linspace(aside_m, arc[-1] - aside_m, max(int(arc[-1] / _STEP_M), 2))
+    line = np.stack([np.interp(at, arc, walk[:, axis]) for axis in (0, 1)], axis=-1)
+    tangent = np.gradient(line, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=-1)[:, None]
+    right = aside_m * np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
+    angle = np.linspace(0, np.pi, 12)[1:-1, None]
+    last = line[-1] + np.cos(angle) * right[-1] + aside_m * np.sin(angle) * tangent[-1]
+    first = line[0] - np.cos(angle) * right[0] - aside_m * np.sin(angle) * tangent[0]
+    closed = np.concatenate([line + right, last, (line - right)[::-1], first, (line + right)[:1]])
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
+    return Round(arc_m=length, xy=closed)
+
+
+def pedestrian_track(way: Round, *, start_m: float, pace_mps: float, duration_s: float) -> Trajectory:
+    """Return the walk that begins `start_m` into `way` and goes on at `pace_mps` for `duration_s`."""
+    count = max(int(np.ceil(duration_s / _KNOT_S)), 1)
+    time = np.linspace(0.0, duration_s, count + 1)
+    spline = CubicSpline(way.arc_m, way.xy, bc_type="periodic")
+    around = way.arc_m[-1]
+    at = start_m + pace_mps * time
+    xy, tangent, bend = (spline(at % around, nu=order) for order in (0, 1, 2))
+    # One time round turns the heading by a whole turn to the right or left; unwrapping needs small steps.
+    fine = np.concatenate([way.arc_m[:-1] + turn * around for turn in range(int(at[-1] // around) + 2)])
+    slope = spline(way.arc_m[:-1], nu=1)
+    heading = np.unwrap(np.tile(np.arctan2(slope[:, 1], slope[:, 0]), int(at[-1] // around) + 2))
+    near = np.interp(at, fine, heading)
+    yaw = np.arctan2(tangent[:, 1], tangent[:, 0])
+    yaw += 2 * np.pi * np.round((near - yaw) / (2 * np.pi))
+    yaw_rate = (tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]) / np.sum(tangent**2, axis=-1)
+    height = np.full_like(time, PAVEMENT_M)
+    state = np.stack([*xy.T, height, yaw], axis=-1)
+    rate = pace_mps * np.stack([*tangent.T, np.zeros_like(time), yaw_rate], axis=-1)
+    return Trajectory(time_s=time, state=state, rate=rate)
+
+
+def pedestrian_tracks(
+    walks: tuple[NDArray[np.float64], ...], count: int, *, duration_s: float, rng: np.random.Generator
+) -> list[Trajectory]:
+    """Return up to `count` walks of `duration_s` [s], spread over `walks` by their lengths."""
+    rounds = [walking_round(walk) for walk in walks if np.hypot(*np.diff(walk, axis=0).T).sum() > _SHORTEST_M]
+    if not rounds:
+        return []
+    length = np.array([way.arc_m[-1] for way in rounds])
+    pace = rng.uniform(*PACE_MPS, size=len(rounds))
+    taken: dict[int, list[float]] = {}
+    tracks = []
+    for place in rng.choice(len(rounds), size=count, p=length / length.sum()):
+        start = float(rng.uniform(0, length[place]))
+        others = taken.setdefault(int(place), [])
+        if any(abs((start - other + length[place] / 2) % length[place] - length[place] / 2) < _APART_M for other in others):
+            continue
+        others.append(start)
+        tracks.append(
+            pedestrian_track(rounds[place], start_m=start, pace_mps=float(pace[place]), duration_s=duration_s)
+        )
+    return tracks
