@@ -43,14 +43,14 @@ class LotRule:
 RULES: dict[str, LotRule] = {
     "terrace": LotRule(
         style="terrace",
-        width_m=(7.5, 12.5),
+        width_m=(8.0, 13.5),
         depth_m=(8.5, 11.0),
         height_m=(5.4, 9.0),
         setback_m=(0.8, 3.2),
         gap=0.07,
         row=7,
         front=("wall", "wall", "railing", "hedge", ""),
-        back=0.55,
+        back=0.35,
     ),
     "shops": LotRule(
         style="terrace",
@@ -71,7 +71,7 @@ RULES: dict[str, LotRule] = {
         gap=0.05,
         row=3,
         front=("hedge", "hedge", "wall", "boards", ""),
-        back=0.7,
+        back=0.5,
         drive=0.35,
     ),
     "flats": LotRule(
@@ -184,7 +184,7 @@ def _build(
 ) -> None:
     detached = rule.side_m[1] > 0
     high = height if not detached else height + float(rng.uniform(-0.4, 0.4))
-    facades = None if detached else [True, False, True, False]
+    facades = None if detached else [True, False, False, False]  # backs of rows cannot be seen from roads
     made = building(lot, height_m=high, style=rule.style, rng=rng, facades=facades)
     assembly.add("building", made)
     site.taken.add(Polygon(lot))
@@ -221,7 +221,7 @@ def bound_gardens(
             continue
         blocked = shapely.union_all([other.buffer(0.35) for other in site.taken.near(garden.buffer(1.0))])
         lines = garden.exterior.simplify(0.3).difference(blocked).difference(done.buffer(0.6))
-        kind = str(rng.choice(["wall", "wall", "boards", "hedge"]))
+        kind = str(rng.choice(["wall", "wall", "wall", "boards", "hedge"]))
         for line in _runs(lines):
             put_boundary(assembly, line, kind, site, rng=rng, height_m=float(rng.uniform(1.5, 1.9)))
         done = shapely.union_all([done, *_runs(lines)])
@@ -247,7 +247,7 @@ def put_boundary(
     if not site.taken.is_free(strip) and kind == "hedge":
         kind, strip = "wall", line.buffer(0.2, cap_style="flat")
     if kind == "hedge":
-        mesh = hedge(points, height_m=height_m, thickness_m=float(rng.uniform(0.5, 0.8)), rng=rng)
+        mesh = hedge(points, height_m=height_m, thickness_m=0.65, rng=rng, step_m=1.0)
         assembly.add("hedge", {"foliage": mesh}, base_m=site.base_m)
     elif kind == "wall":
         material = str(rng.choice(["brick", "brick", "concrete"]))

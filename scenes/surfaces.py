@@ -13,7 +13,7 @@ from shapely.geometry import LinearRing, LineString, MultiPolygon, Point, Polygo
 from shapely.geometry.base import BaseGeometry
 
 from echoscape.scenes.curves import part
-from echoscape.scenes.lanes import Room
+from echoscape.scenes.lanes import RING_RADIUS_M, Room
 from echoscape.scenes.roads import RoadGraph
 from echoscape.scenes.streets import Network
 from echoscape.scenes.world import Mesh
@@ -41,10 +41,10 @@ def ground_plan(network: Network, roads: RoadGraph, room: Room, *, margin_m: flo
     """Return the plan of the streets' ground; the land reaches `margin_m` beyond the outermost streets."""
     middles = [LineString(street.line) for street in network.streets]
     swept = [
-        LineString(part(street.line, min(cut[0], 6.0), street.length_m - min(cut[1], 6.0))).buffer(
-            street.type.half_width_m, cap_style="flat"
-        )
-        for street, cut in zip(network.streets, room, strict=True)
+        LineString(
+            part(street.line, _end_m(network, street.start), street.length_m - _end_m(network, street.end))
+        ).buffer(street.type.half_width_m, cap_style="flat")
+        for street in network.streets
     ]
     turns = [
         LineString(lane.centre[:: max(len(lane.centre) // 40, 1)]).buffer(lane.width_m / 2 + 0.4)
@@ -63,6 +63,13 @@ def ground_plan(network: Network, roads: RoadGraph, room: Room, *, margin_m: flo
     land = shapely.union_all([Polygon(p.exterior) for p in polygons(land.simplify(0.5))])
     streets, crossings = _pieces(network, room, carriageway)
     return Ground(carriageway=carriageway, corridor=corridor, land=land, streets=streets, crossings=crossings)
+
+
+def _end_m(network: Network, junction: int) -> float:
+    """Return how far from a junction the straight sides of its streets end."""
+    if junction in network.roundabouts:
+        return RING_RADIUS_M
+    return 6.0 if len(network.arms(junction)) == 1 else 0.0
 
 
 def polygons(shape: BaseGeometry) -> list[Polygon]:
