@@ -98,7 +98,7 @@ RULES: dict[str, LotRule] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Site:
+class Plot:
     """Where lots are laid out: the block that must hold them, what is taken, and the ground's height."""
 
     block: Polygon
@@ -125,7 +125,7 @@ def frontages(block: Polygon, streets: BaseGeometry) -> list[Line]:
 
 
 def build_along(
-    assembly: Assembly, side: Line, rule: LotRule, site: Site, *, rng: np.random.Generator
+    assembly: Assembly, side: Line, rule: LotRule, plot: Plot, *, rng: np.random.Generator
 ) -> list[Polygon]:
     """Put buildings along one side of a block and return the gardens behind them."""
     length = arc_length(side)[-1]
@@ -137,9 +137,9 @@ def build_along(
             setback, depth, height = (rng.uniform(*r) for r in (rule.setback_m, rule.depth_m, rule.height_m))
         width = min(rng.uniform(*rule.width_m), length - place)
         lot = _lot(side, place, width, setback, depth, rng.uniform(*rule.side_m))
-        if _fits(lot, site):
-            _build(assembly, lot, height, rule, site, rng)
-            gardens += _garden(lot, side, place, width, site)
+        if _fits(lot, plot):
+            _build(assembly, lot, height, rule, plot, rng)
+            gardens += _garden(lot, side, place, width, plot)
             place += width
             left_in_row -= 1
             if rng.random() < rule.gap:
@@ -162,7 +162,7 @@ def _lot(
     return np.concatenate([front + setback * normal, (front + (setback + depth) * normal)[::-1]])
 
 
-def _fits(lot: NDArray[np.float64], site: Site) -> bool:
+def _fits(lot: NDArray[np.float64], plot: Plot) -> bool:
     """Tell whether a footprint is a sound shape inside its block and on free ground."""
     step = np.roll(lot, -1, axis=0) - lot
     after = np.roll(step, -1, axis=0)
@@ -171,7 +171,7 @@ def _fits(lot: NDArray[np.float64], site: Site) -> bool:
     if sharp.any() or np.linalg.norm(step, axis=1).min() < 3.0:
         return False
     shape = Polygon(lot)
-    return site.block.contains(shape) and site.taken.is_free(shape.buffer(-0.1))
+    return plot.block.contains(shape) and plot.taken.is_free(shape.buffer(-0.1))
 
 
 def _build(
@@ -179,7 +179,7 @@ def _build(
     lot: NDArray[np.float64],
     height: float,
     rule: LotRule,
-    site: Site,
+    plot: Plot,
     rng: np.random.Generator,
 ) -> None:
     detached = rule.side_m[1] > 0
@@ -187,12 +187,12 @@ def _build(
     facades = None if detached else [True, False, False, False]  # backs of rows cannot be seen from roads
     made = building(lot, height_m=high, style=rule.style, rng=rng, facades=facades)
     assembly.add("building", made)
-    site.taken.add(Polygon(lot))
+    plot.taken.add(Polygon(lot))
 
 
-def _garden(lot: NDArray[np.float64], side: Line, place: float, width: float, site: Site) -> list[Polygon]:
+def _garden(lot: NDArray[np.float64], side: Line, place: float, width: float, plot: Plot) -> list[Polygon]:
     """Return the ground behind a building that nobody else has taken."""
-    back = site.reach_m - float(np.linalg.norm(lot[3] - lot[0])) - 2.0
+    back = plot.reach_m - float(np.linalg.norm(lot[3] - lot[0])) - 2.0
     if back < 3.5:
         return []
     ends = points_at(side, np.array([place, place + width]))
@@ -206,24 +206,24 @@ def _garden(lot: NDArray[np.float64], side: Line, place: float, width: float, si
     )
     if not quad.is_valid:
         return []
-    rest = shapely.difference(quad.intersection(site.block), shapely.union_all(site.taken.near(quad)))
+    rest = shapely.difference(quad.intersection(plot.block), shapely.union_all(plot.taken.near(quad)))
     pieces = [p for p in shapely.get_parts(rest) if isinstance(p, Polygon) and p.area > 25.0]
     return [max(pieces, key=lambda p: p.area)] if pieces else []
 
 
 def bound_gardens(
-    assembly: Assembly, gardens: list[Polygon], rule: LotRule, site: Site, *, rng: np.random.Generator
+    assembly: Assembly, gardens: list[Polygon], rule: LotRule, plot: Plot, *, rng: np.random.Generator
 ) -> None:
     """Fence gardens off from each other; what is fenced already, or is built on, is left out."""
     done: BaseGeometry = LineString()
     for garden in gardens:
         if rng.random() >= rule.back:
             continue
-        blocked = shapely.union_all([other.buffer(0.35) for other in site.taken.near(garden.buffer(1.0))])
+        blocked = shapely.union_all([other.buffer(0.35) for other in plot.taken.near(garden.buffer(1.0))])
         lines = garden.exterior.simplify(0.3).difference(blocked).difference(done.buffer(0.6))
         kind = str(rng.choice(["wall", "wall", "wall", "boards", "hedge"]))
         for line in _runs(lines):
-            put_boundary(assembly, line, kind, site, rng=rng, height_m=float(rng.uniform(1.5, 1.9)))
+            put_boundary(assembly, line, kind, plot, rng=rng, height_m=float(rng.uniform(1.5, 1.9)))
         done = shapely.union_all([done, *_runs(lines)])
 
 
@@ -236,7 +236,7 @@ def put_boundary(
     assembly: Assembly,
     line: LineString,
     kind: str,
-    site: Site,
+    plot: Plot,
     *,
     rng: np.random.Generator,
     height_m: float,
@@ -244,22 +244,22 @@ def put_boundary(
     """Put a wall, hedge or fence on a line, if the ground is free."""
     points = np.asarray(line.coords)[:, :2]
     strip = line.buffer(0.5 if kind == "hedge" else 0.22, cap_style="flat")
-    if not site.taken.is_free(strip) and kind == "hedge":
+    if not plot.taken.is_free(strip) and kind == "hedge":
         kind, strip = "wall", line.buffer(0.2, cap_style="flat")
     if kind == "hedge":
         mesh = hedge(points, height_m=height_m, thickness_m=0.65, rng=rng, step_m=1.0)
-        assembly.add("hedge", {"foliage": mesh}, base_m=site.base_m)
+        assembly.add("hedge", {"foliage": mesh}, base_m=plot.base_m)
     elif kind == "wall":
         material = str(rng.choice(["brick", "brick", "concrete"]))
         mesh = wall(points, height_m=height_m, thickness_m=0.22)
-        assembly.add("wall", {material: mesh}, base_m=site.base_m)
+        assembly.add("wall", {material: mesh}, base_m=plot.base_m)
     elif kind in ("boards", "railing", "chain_link"):
-        assembly.add("fence", fence(points, height_m=height_m, kind=kind), base_m=site.base_m)
-    site.taken.add(strip)
+        assembly.add("fence", fence(points, height_m=height_m, kind=kind), base_m=plot.base_m)
+    plot.taken.add(strip)
 
 
 def bound_front(
-    assembly: Assembly, side: Line, rule: LotRule, site: Site, *, rng: np.random.Generator
+    assembly: Assembly, side: Line, rule: LotRule, plot: Plot, *, rng: np.random.Generator
 ) -> None:
     """Put low boundaries at the back of the pavement, with gaps for paths and drives."""
     kind = str(rng.choice(rule.front))
@@ -272,23 +272,23 @@ def bound_front(
         stop = min(place + run, along[-1] - 0.5)
         line = LineString(points_at(inner, np.linspace(place, stop, max(int(run / 4.0), 1) + 1)))
         strip = line.buffer(0.35, cap_style="flat")
-        if line.length > 1.5 and site.block.contains(strip) and site.taken.is_free(strip):
-            put_boundary(assembly, line, kind, site, rng=rng, height_m=height)
+        if line.length > 1.5 and plot.block.contains(strip) and plot.taken.is_free(strip):
+            put_boundary(assembly, line, kind, plot, rng=rng, height_m=height)
         place = stop + rng.uniform(1.2, 3.4)
 
 
 def plant(
-    assembly: Assembly, garden: Polygon, site: Site, *, chance: float, rng: np.random.Generator
+    assembly: Assembly, garden: Polygon, plot: Plot, *, chance: float, rng: np.random.Generator
 ) -> None:
     """Plant a tree or shrub in a garden."""
     if rng.random() >= chance:
         return
     low, high = np.array(garden.bounds[:2]), np.array(garden.bounds[2:])
     place = low + rng.uniform(0.2, 0.8, 2) * (high - low)
-    if garden.contains(Point(place)) and site.taken.claim(Point(place).buffer(1.0)):
+    if garden.contains(Point(place)) and plot.taken.claim(Point(place).buffer(1.0)):
         name = str(rng.choice(["tree_broadleaf", "tree_street", "tree_conifer", "tree_shrub", "tree_shrub"]))
         assembly.place(
-            name, place, base_m=site.base_m, yaw_rad=rng.uniform(0, 6.28), scale=rng.uniform(0.7, 1.2)
+            name, place, base_m=plot.base_m, yaw_rad=rng.uniform(0, 6.28), scale=rng.uniform(0.7, 1.2)
         )
 
 
@@ -296,15 +296,15 @@ def put_vehicle(
     assembly: Assembly,
     name: str,
     place: NDArray[np.float64],
-    site: Site,
+    plot: Plot,
     *,
     yaw_rad: float,
     base_m: float | None = None,
 ) -> bool:
     """Park a vehicle where the ground is free and tell whether it was."""
     length, width, _ = assembly[name].extent_m
-    free = site.taken.claim(rectangle(place, yaw_rad, length + 0.3, width + 0.1))
+    free = plot.taken.claim(rectangle(place, yaw_rad, length + 0.3, width + 0.1))
     if free:
-        height = site.base_m if base_m is None else base_m
+        height = plot.base_m if base_m is None else base_m
         assembly.place(name, place, base_m=height, yaw_rad=yaw_rad)
     return free

@@ -7,40 +7,40 @@ from shapely.geometry import LineString, Point, Polygon
 
 from echoscape.scenes.assembly import Assembly, rectangle
 from echoscape.scenes.curves import Line, arc_length, headings, points_at, resampled
-from echoscape.scenes.lots import Site, put_boundary, put_vehicle
+from echoscape.scenes.lots import Plot, put_boundary, put_vehicle
 
 CARS: tuple[str, ...] = ("car_hatchback", "car_saloon", "car_estate", "car_suv", "van_small")
 PARK_TREES: tuple[str, ...] = ("tree_broadleaf", "tree_tall", "tree_spreading", "tree_conifer", "tree_shrub")
 
 
-def lay_park(assembly: Assembly, site: Site, *, rng: np.random.Generator) -> None:
+def lay_park(assembly: Assembly, plot: Plot, *, rng: np.random.Generator) -> None:
     """Plant a park, with a railing or hedge about it that has gates, and benches."""
     kind = str(rng.choice(["railing", "hedge"]))
-    for rim in _rims(site.block, 0.8):
+    for rim in _rims(plot.block, 0.8):
         place, length = 0.0, arc_length(rim)[-1]
         while place < length - 6.0:
             stop = min(place + rng.uniform(25.0, 50.0), length - 2.0)
             line = LineString(points_at(rim, np.linspace(place, stop, 8)))
-            put_boundary(assembly, line, kind, site, rng=rng, height_m=1.2)
+            put_boundary(assembly, line, kind, plot, rng=rng, height_m=1.2)
             place = stop + rng.uniform(2.0, 4.0)
-    scatter_trees(assembly, site, spacing_m=13.0, names=PARK_TREES, rng=rng)
-    _furnish(assembly, site, inset_m=5.0, spacing_m=40.0, names=("bench", "bin_round"), rng=rng)
+    scatter_trees(assembly, plot, spacing_m=13.0, names=PARK_TREES, rng=rng)
+    _furnish(assembly, plot, inset_m=5.0, spacing_m=40.0, names=("bench", "bin_round"), rng=rng)
 
 
-def lay_square(assembly: Assembly, site: Site, *, rng: np.random.Generator) -> None:
+def lay_square(assembly: Assembly, plot: Plot, *, rng: np.random.Generator) -> None:
     """Line a square with bollards and trees, with benches and lanterns inside."""
-    _furnish(assembly, site, inset_m=0.8, spacing_m=3.2, names=("bollard_metal",), rng=rng)
-    _furnish(assembly, site, inset_m=4.5, spacing_m=9.0, names=("tree_broadleaf", "tree_street"), rng=rng)
+    _furnish(assembly, plot, inset_m=0.8, spacing_m=3.2, names=("bollard_metal",), rng=rng)
+    _furnish(assembly, plot, inset_m=4.5, spacing_m=9.0, names=("tree_broadleaf", "tree_street"), rng=rng)
     _furnish(
-        assembly, site, inset_m=8.0, spacing_m=14.0, names=("bench", "lamp_lantern", "bin_round"), rng=rng
+        assembly, plot, inset_m=8.0, spacing_m=14.0, names=("bench", "lamp_lantern", "bin_round"), rng=rng
     )
 
 
 def lay_car_park(
-    assembly: Assembly, site: Site, *, taken_share: float, rng: np.random.Generator, inset_m: float = 3.0
+    assembly: Assembly, plot: Plot, *, taken_share: float, rng: np.random.Generator, inset_m: float = 3.0
 ) -> None:
     """Park cars in rows across the longer side of the block's inside."""
-    inside = site.block.buffer(-inset_m)
+    inside = plot.block.buffer(-inset_m)
     if inside.is_empty:
         return
     origin, along, across, size = _frame(inside)
@@ -49,14 +49,14 @@ def lay_car_park(
             place = origin + x * along + y * across
             if rng.random() < taken_share and inside.contains(Point(place).buffer(2.6)):
                 yaw = float(np.arctan2(across[1], across[0])) + np.pi * (rng.random() < 0.5)
-                put_vehicle(assembly, str(rng.choice(CARS)), place, site, yaw_rad=yaw)
+                put_vehicle(assembly, str(rng.choice(CARS)), place, plot, yaw_rad=yaw)
             if row % 2 == 0 and rng.random() < 0.02:
-                _stand(assembly, site, "lamp_arm", place + 4.1 * across, rng)
+                _stand(assembly, plot, "lamp_arm", place + 4.1 * across, rng)
 
 
-def lay_yard(assembly: Assembly, site: Site, *, rng: np.random.Generator, density: float = 1.0) -> None:
+def lay_yard(assembly: Assembly, plot: Plot, *, rng: np.random.Generator, density: float = 1.0) -> None:
     """Fill free ground with containers, some stacked, tanks and parked trucks."""
-    inside = site.block.buffer(-4.0)
+    inside = plot.block.buffer(-4.0)
     if inside.is_empty:
         return
     origin, along, across, size = _frame(inside)
@@ -75,15 +75,15 @@ def lay_yard(assembly: Assembly, site: Site, *, rng: np.random.Generator, densit
             name = str(rng.choice(names, p=[0.28, 0.22, 0.16, 0.08, 0.14, 0.12]))
             length, width, height = assembly[name].extent_m
             shape = rectangle(place, yaw, length + 1.0, width + 0.6)
-            if rng.random() < 0.5 * density and inside.contains(shape) and site.taken.claim(shape):
-                assembly.place(name, place, base_m=site.base_m, yaw_rad=yaw)
+            if rng.random() < 0.5 * density and inside.contains(shape) and plot.taken.claim(shape):
+                assembly.place(name, place, base_m=plot.base_m, yaw_rad=yaw)
                 if name.startswith("container") and rng.random() < 0.4:
-                    assembly.place(name, place, base_m=site.base_m + height, yaw_rad=yaw)
+                    assembly.place(name, place, base_m=plot.base_m + height, yaw_rad=yaw)
 
 
 def scatter_trees(
     assembly: Assembly,
-    site: Site,
+    plot: Plot,
     *,
     spacing_m: float,
     names: tuple[str, ...],
@@ -91,20 +91,20 @@ def scatter_trees(
     inset_m: float = 5.0,
 ) -> None:
     """Plant trees at random, about one each `spacing_m` square, none nearer than a third of that to another."""
-    inside = site.block.buffer(-inset_m)
+    inside = plot.block.buffer(-inset_m)
     if inside.is_empty:
         return
     low, high = np.array(inside.bounds[:2]), np.array(inside.bounds[2:])
     places = low + rng.uniform(0, 1, (int(np.prod(high - low) / spacing_m**2), 2)) * (high - low)
     for place in places[shapely.contains_xy(inside, places)]:
-        if site.taken.claim(Point(place).buffer(spacing_m / 6)):
+        if plot.taken.claim(Point(place).buffer(spacing_m / 6)):
             scale, yaw = rng.uniform(0.75, 1.3), rng.uniform(0, 2 * np.pi)
-            assembly.place(str(rng.choice(names)), place, base_m=site.base_m, yaw_rad=yaw, scale=scale)
+            assembly.place(str(rng.choice(names)), place, base_m=plot.base_m, yaw_rad=yaw, scale=scale)
 
 
 def _furnish(
     assembly: Assembly,
-    site: Site,
+    plot: Plot,
     *,
     inset_m: float,
     spacing_m: float,
@@ -112,18 +112,18 @@ def _furnish(
     rng: np.random.Generator,
 ) -> None:
     """Put things in turn on a line round the block, facing its middle."""
-    for rim in _rims(site.block, inset_m):
+    for rim in _rims(plot.block, inset_m):
         yaw = headings(rim) + np.pi / 2
         along = arc_length(rim)
         for number, distance in enumerate(np.arange(spacing_m / 2, along[-1], spacing_m)):
             place = points_at(rim, np.array([distance]))[0]
             name = names[number % len(names)]
-            _stand(assembly, site, name, place, rng, yaw_rad=float(np.interp(distance, along, yaw)))
+            _stand(assembly, plot, name, place, rng, yaw_rad=float(np.interp(distance, along, yaw)))
 
 
 def _stand(
     assembly: Assembly,
-    site: Site,
+    plot: Plot,
     name: str,
     place: NDArray[np.float64],
     rng: np.random.Generator,
@@ -131,8 +131,8 @@ def _stand(
     yaw_rad: float | None = None,
 ) -> None:
     yaw = float(rng.uniform(0, 2 * np.pi)) if yaw_rad is None else yaw_rad
-    if site.taken.claim(Point(place).buffer(0.6)):
-        assembly.place(name, place, base_m=site.base_m, yaw_rad=yaw)
+    if plot.taken.claim(Point(place).buffer(0.6)):
+        assembly.place(name, place, base_m=plot.base_m, yaw_rad=yaw)
 
 
 def _rims(block: Polygon, inset_m: float) -> list[Line]:

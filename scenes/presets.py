@@ -28,9 +28,9 @@ class Preset:
     uses: tuple[tuple[Use, float], ...] = ()
     kerb_height_m: float = 0.12
     margin_m: float = 60.0
-    parked: float = 0.6
+    parked: float = 0.3
     trucks: float = 0.05
-    street_trees: float = 0.4
+    street_trees: float = 0.35
     lamps_m: float = 32.0
 
 

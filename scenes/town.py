@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from echoscape.scenes.assembly import Assembly, Taken
-from echoscape.scenes.blocks import blocks_of, fill_blocks
+from echoscape.scenes.landuse import blocks_of, fill_blocks
 from echoscape.scenes.countryside import country_roads, straight_road
 from echoscape.scenes.dressing import dress_streets
 from echoscape.scenes.furniture import furniture_prototypes
