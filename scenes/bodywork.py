@@ -121,7 +121,7 @@ def _is_glass(hull: Hull, station: NDArray[np.float64], size: int) -> NDArray[np
     for intervals, segments in ((hull.windows, _SIDE_SEGMENTS), (hull.screens, _TOP_SEGMENTS)):
         for low, high in intervals:
             rows = (middle > low) & (middle < high)
-            glass[np.ix_(rows, segments)] = True
+            glass[np.ix_(rows, np.array(segments))] = True
     return glass.ravel()
 
 
@@ -163,12 +163,13 @@ def _wheel(radius_m: float, width_m: float, sides: int = 10) -> tuple[Mesh, Mesh
     edge = _in_wheel_plane(ring, 0.68 * radius_m, 0.0)
     rim = np.arange(sides)
     dish = np.stack([np.full(sides, sides), rim, (rim + 1) % sides], axis=1)
-    return loft(profile, caps=False), mesh(np.concatenate([edge, [[0.0, -0.04, 0.0]]]), dish)
+    closed = mesh(profile[0], [[0, i + 1, i] for i in range(1, sides - 1)])
+    return merge([loft(profile, caps=False), closed]), mesh(np.concatenate([edge, [[0.0, -0.04, 0.0]]]), dish)
 
 
 def _in_wheel_plane(ring: NDArray[np.float64], radius_m: float, y_m: float) -> NDArray[np.float64]:
     """Return (N, 3): `ring` (N, 2) as z and x at `y_m`."""
-    return np.stack([radius_m * ring[:, 0], np.full(len(ring), y_m), radius_m * ring[:, 1]], axis=1)
+    return np.stack([radius_m * ring[:, 1], np.full(len(ring), y_m), radius_m * ring[:, 0]], axis=1)
 
 
 def bevelled_box(size_m: Sequence[float], centre_m: Sequence[float], *, bevel_m: float = 0.06) -> Mesh:
@@ -197,8 +198,8 @@ def bevelled_box(size_m: Sequence[float], centre_m: Sequence[float], *, bevel_m:
 def mirrors(x_m: float, half_width_m: float, z_m: float, *, height_m: float = 0.14) -> Mesh:
     """Return two wing mirrors: a stalk and a housing that tapers forwards."""
     stalk = box((0.05, 0.1, 0.04), (x_m, half_width_m - 0.02, z_m - 0.04))
-    y, z = half_width_m + 0.11, z_m + 0.02
+    middle = np.array([half_width_m + 0.11, z_m + 0.02])
     back = np.array([[-0.09, -0.5], [0.09, -0.5], [0.09, 0.5], [-0.09, 0.5]]) * [1.0, height_m]
-    rings = [np.c_[np.full(4, x_m - 0.04), back + [y, z]], np.c_[np.full(4, x_m + 0.06), 0.7 * back + [y, z]]]
+    rings = [np.c_[np.full(4, x_m - 0.04), back + middle], np.c_[np.full(4, x_m + 0.06), 0.7 * back + middle]]
     left = merge([stalk, loft(np.stack(rings))])
     return merge([left, mirrored(left)])

@@ -37,7 +37,7 @@ def wall(polyline: NDArray[np.float64], *, height_m: float, thickness_m: float) 
 def fence(polyline: NDArray[np.float64], *, height_m: float, kind: FenceKind) -> dict[str, Mesh]:
     """Return a fence along `polyline` (P, 2) [m].
 
-    "boards" is of wood: posts, rails and boards with narrow gaps, in turn before and behind the rails. "railing" is of metal:
+    "boards" is of wood: posts, rails, and boards in turn before and behind the rails. "railing" is of metal:
     posts, two rails and a bar every 0.4 m. "chain_link" is of metal: posts and three wires as thin rails.
     """
     origin, forward, length = _segments(polyline)
@@ -103,7 +103,7 @@ def _segments(
 def _spread(
     length: NDArray[np.float64], pitch_m: float, *, inner: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return segment rows (N,) and places along them (N,), about `pitch_m` apart; `inner` leaves the ends free."""
+    """Return segment rows (N,) and places on them (N,), about `pitch_m` apart; `inner` keeps off the ends."""
     count = np.maximum(1, np.round(length / pitch_m).astype(int))
     rows, places = [], []
     for row, (span, parts) in enumerate(zip(length.tolist(), count.tolist(), strict=True)):
@@ -131,7 +131,7 @@ _PICK = np.array(
         [[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]],
     ]
 )
-"""Which end (low 0, high 1) each corner of the five faces takes on each axis: above, right, left, back, front."""
+"""Which end (low 0, high 1) each corner takes on each axis: above, right, left, back and front faces."""
 
 
 def _placed(

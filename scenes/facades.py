@@ -5,6 +5,7 @@ are right-handed. A quad is (4, 3), counter-clockwise from its outer side; lists
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,23 +15,27 @@ Quads = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Where a facade stands: `origin` (2,) its left foot, `along` (2,) unit vector to the right, `length_m`."""
+    """Where a facade stands: `origin` (2,) its left foot, `along` (2,) a unit vector, its length."""
 
     origin: NDArray[np.float64]
     along: NDArray[np.float64]
     length_m: float
 
+    @cached_property
+    def _basis(self) -> NDArray[np.float64]:
+        (x, y), up = self.along, (0.0, 0.0, 1.0)
+        return np.array([[x, y, 0.0], up, [y, -x, 0.0]])
+
     def to_world(self, local: Quads) -> Quads:
         """Return `local` (N, 4, 3) (s, z, d) as (N, 4, 3) world x, y, z."""
-        basis = np.array(
-            [[self.along[0], self.along[1], 0.0], [0.0, 0.0, 1.0], [self.along[1], -self.along[0], 0.0]]
-        )
-        return local @ basis + [self.origin[0], self.origin[1], 0.0]
+        world = local.reshape(-1, 3) @ self._basis
+        world[:, :2] += self.origin
+        return world.reshape(-1, 4, 3)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """Openings in rows and columns: `low` and `high` (R,) heights, `left` and `right` (C,) places along the wall.
+    """Openings in rows and columns: `low`, `high` (R,) heights; `left`, `right` (C,) along the wall.
 
     `bottom` (R, C) is where each opening begins, at `low` or above; rows and columns do not overlap.
     """
@@ -42,7 +47,7 @@ class Grid:
     bottom: NDArray[np.float64]
     depth_m: float
 
-    @property
+    @cached_property
     def rects(self) -> tuple[NDArray[np.float64], ...]:
         """Left, right, bottom and top of every opening, each (R * C,), row by row."""
         shape = self.bottom.shape
@@ -74,25 +79,27 @@ def grid(
 
 def panels(left: ArrayLike, right: ArrayLike, low: ArrayLike, high: ArrayLike, out: ArrayLike = 0.0) -> Quads:
     """Return upright quads that face outwards at `out`; the arguments broadcast."""
-    s0, s1, z0, z1, d = np.broadcast_arrays(
-        *(np.atleast_1d(np.asarray(v, float)) for v in (left, right, low, high, out))
-    )
-    corners = np.array([s0, z0, d, s1, z0, d, s1, z1, d, s0, z1, d])
-    return np.moveaxis(corners.reshape(4, 3, -1), 2, 0)
+    return _between((left, low, out), (right, high, out), _BOX_ENDS[:1])
 
 
 def boxes(
     left: ArrayLike, right: ArrayLike, low: ArrayLike, high: ArrayLike, out: ArrayLike, back: ArrayLike = 0.0
 ) -> Quads:
     """Return boxes that stand out from `back` to `out`, open at the back: 5 quads each."""
-    ends = np.broadcast_arrays(
-        *(np.atleast_1d(np.asarray(v, float)) for v in (left, low, back, right, high, out))
-    )
-    pairs = np.array(ends).reshape(2, 3, -1)  # (end, axis, N)
-    corners = pairs[_BOX_ENDS, np.arange(3)]  # (5, 4, 3, N)
-    return np.moveaxis(corners, 3, 0).reshape(-1, 4, 3)
+    return _between((left, low, back), (right, high, out), _BOX_ENDS)
 
 
+def _between(least: tuple[ArrayLike, ...], most: tuple[ArrayLike, ...], ends: NDArray[np.int64]) -> Quads:
+    """Return the faces whose corners take `ends` (K, 4, 3) of the boxes from `least` to `most` (s, z, d)."""
+    arrays = [np.asarray(value, dtype=np.float64) for value in (*least, *most)]
+    shape = np.broadcast(*arrays).shape
+    pairs = np.empty((*shape, 2, 3))
+    for number, value in enumerate(arrays):
+        pairs[..., number // 3, number % 3] = value
+    return pairs[..., ends, _AXES].reshape(-1, 4, 3)
+
+
+_AXES = np.arange(3)
 _BOX_ENDS = np.array(
     [
         [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
@@ -106,7 +113,7 @@ _BOX_ENDS = np.array(
 
 
 def pierced_wall(length_m: float, top_m: float, grids: list[Grid]) -> Quads:
-    """Return the wall from the ground to `top_m` with the `grids`' openings cut out, and the openings' reveals."""
+    """Return the wall from the ground to `top_m` less the `grids`' openings, and the openings' reveals."""
     grids = [g for g in grids if g.bottom.size]
     if not grids:
         return panels(0.0, length_m, 0.0, top_m)
@@ -140,7 +147,7 @@ def _reveals(openings: Grid) -> Quads:
             [[s1, z0, back], [s1, z0, front], [s1, z1, front], [s1, z1, back]],
         ]
     )  # (4, 4, 3, N)
-    return np.moveaxis(corners, 3, 0).reshape(-1, 4, 3)
+    return corners.transpose(3, 0, 1, 2).reshape(-1, 4, 3)
 
 
 def panes(openings: Grid) -> Quads:
@@ -195,7 +202,7 @@ def ribs(
     d = np.r_[np.tile([0.0, 0.0, depth_m, depth_m, 0.0], count), 0.0]
     low, high = np.full(len(s) - 1, low_m), np.full(len(s) - 1, high_m)
     corners = np.array([s[:-1], low, d[:-1], s[1:], low, d[1:], s[1:], high, d[1:], s[:-1], high, d[:-1]])
-    return np.moveaxis(corners.reshape(4, 3, -1), 2, 0)
+    return corners.reshape(4, 3, -1).transpose(2, 0, 1)
 
 
 def slats(
@@ -207,11 +214,11 @@ def slats(
     d = out_m + np.where(np.arange(len(z)) % 2, 0.04, 0.0)
     s0, s1 = np.full(2 * count, left_m), np.full(2 * count, right_m)
     corners = np.array([s0, z[:-1], d[:-1], s1, z[:-1], d[:-1], s1, z[1:], d[1:], s0, z[1:], d[1:]])
-    return np.moveaxis(corners.reshape(4, 3, -1), 2, 0)
+    return corners.reshape(4, 3, -1).transpose(2, 0, 1)
 
 
 def downpipe(place_m: ArrayLike, top_m: float, *, radius_m: float = 0.045) -> Quads:
-    """Return rainwater pipes at places (N,) along the wall: the five sides of an octagon that look outwards."""
+    """Return rainwater pipes at places (N,) along the wall: the five outer sides of an octagon."""
     angle = np.pi * (np.arange(6) - 1) / 4 - np.pi / 8 + np.pi / 4
     across, out = -radius_m * np.cos(angle), 0.03 + radius_m + radius_m * np.sin(angle)
     place = np.atleast_1d(np.asarray(place_m, float))[:, None]
@@ -219,4 +226,4 @@ def downpipe(place_m: ArrayLike, top_m: float, *, radius_m: float = 0.045) -> Qu
     d0, d1 = (np.tile(value, len(place)) for value in (out[:-1], out[1:]))
     z0, z1 = np.zeros_like(s0), np.full_like(s0, top_m)
     corners = np.array([s0, z0, d0, s1, z0, d1, s1, z1, d1, s0, z1, d0])
-    return np.moveaxis(corners.reshape(4, 3, -1), 2, 0)
+    return corners.reshape(4, 3, -1).transpose(2, 0, 1)

@@ -92,7 +92,7 @@ def _sign_post(y_m: float, top_m: float) -> Mesh:
 
 
 def _plate(outline: NDArray[np.float64], height_m: float, thickness_m: float = 0.012) -> Mesh:
-    """Return a standing plate of the polygon `outline` (N, 2) (y, z), its middle at `height_m`, with two rails."""
+    """Return a standing plate of the polygon `outline` (N, 2) (y, z) about `height_m`, with two rails."""
     plate = moved(prism(outline, bottom_m=0.0, top_m=thickness_m), (0, 0, height_m), rotation=_STAND_UP)
     span = 0.6 * float(np.ptp(outline[:, 0]))
     rails = [box((0.03, span, 0.04), (-0.015, 0, height_m + z)) for z in (-0.12, 0.12)]
@@ -122,7 +122,7 @@ def _bollard() -> Mesh:
 
 
 def _bus_shelter() -> dict[str, Mesh]:
-    """Return a shelter of 4.2 m by 1.6 m, open to +x: panes behind and at both sides, a bench, a curved roof."""
+    """Return a shelter of 4.2 m by 1.6 m, open to +x: panes on three sides, a bench, a curved roof."""
     length, depth, height = 4.2, 1.6, 2.4
     y, back, front = 0.5 * length, -0.5 * depth, 0.5 * depth
     posts = [box((0.08, 0.08, height), (back, place, 0.5 * height)) for place in np.linspace(-y, y, 4)]
@@ -170,14 +170,15 @@ def _bench() -> tuple[Mesh, Mesh]:
     legs = []
     for y in (-0.75, 0.0, 0.75):
         legs += [box((0.05, 0.05, 0.43), (0.18, y, 0.215)), box((0.05, 0.05, 0.43), (-0.2, y, 0.215)),
-                 box((0.46, 0.05, 0.04), (0, y, 0.41)), tube((-0.22, y, 0.42), (-0.43, y, 0.92), 0.025, sides=4)]  # fmt: skip
+                 box((0.46, 0.05, 0.04), (0, y, 0.41)),
+                 tube((-0.22, y, 0.42), (-0.43, y, 0.92), 0.025, sides=4)]  # fmt: skip
     return merge(slats), merge(legs)
 
 
 def _guard_rail(length_m: float) -> Mesh:
-    """Return a W-beam of `length_m` along x, its waves to -y, on posts 2 m apart (EN 1317 beam, 0.31 m high)."""
-    wave = [(0.0, 0.44), (-0.02, 0.46), (-0.083, 0.5), (-0.083, 0.53), (-0.0, 0.585), (-0.0, 0.615), (-0.083, 0.67),
-            (-0.083, 0.7), (-0.02, 0.74), (0.0, 0.76)]  # fmt: skip
+    """Return a W-beam of `length_m` along x, its waves to -y, on posts 2 m apart."""
+    wave = [(0.0, 0.44), (-0.02, 0.46), (-0.083, 0.5), (-0.083, 0.53), (0.0, 0.585), (0.0, 0.615),
+            (-0.083, 0.67), (-0.083, 0.7), (-0.02, 0.74), (0.0, 0.76)]  # fmt: skip
     outline = np.array(wave + [(y + 0.004, z) for y, z in wave[::-1]])
     beam = prism(outline[::-1], bottom_m=-0.5 * length_m, top_m=0.5 * length_m)
     places = np.arange(-0.5 * length_m + 1.0, 0.5 * length_m, 2.0)
@@ -219,7 +220,7 @@ def _container(length_m: float) -> Mesh:
 
 
 def _storage_tank() -> Mesh:
-    """Return an upright tank of 6 m diameter and 6 m height with rings, a shallow roof, a ladder and a rail."""
+    """Return an upright tank of 6 m diameter and 6 m height with rings, a shallow roof and a ladder."""
     shell = cylinder(3.0, 6.0, sides=24)
     rings = [moved(cylinder(3.05, 0.08, sides=24), (0, 0, z)) for z in (1.9, 3.9, 5.9)]
     roof = moved(cylinder(3.0, 0.6, sides=24, top_radius_m=0.3), (0, 0, 6.0))

@@ -4,11 +4,12 @@ Rays pass between the leaf clusters, so that what stands behind a crown still ec
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.scenes.solids import loft, merge, mesh, prototype, quads, tube
+from echoscape.scenes.solids import merge, mesh, prototype, quads, tube
 from echoscape.scenes.world import Mesh, Prototype
 
 _SEED = 20200531
@@ -98,18 +99,16 @@ def _crown(tree: Tree, rng: np.random.Generator) -> Mesh:
         spread = depth * (0.05 + tree.taper * 0.95 * height)
         centre = np.concatenate([spread * np.cos(angle), spread * np.sin(angle), 1.0 - 2.0 * height], axis=1)
     scale = [tree.crown_radius_m, tree.crown_radius_m, tree.crown_half_height_m]
-    return quads(
-        _facets(centre * scale, rng.uniform(*tree.cluster_m, (count, 1)), rng) + [0, 0, tree.crown_centre_m]
-    )
+    facets = _facets(centre * scale, rng.uniform(*tree.cluster_m, (count, 1)), rng)
+    return quads(facets + np.array([0.0, 0.0, tree.crown_centre_m]))
 
 
 def _facets(
     centre: NDArray[np.float64], size_m: NDArray[np.float64], rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Return (N, 4, 3) skewed squares about `centre` (N, 3), tilted at random, each facing away from the origin."""
-    normal = rng.normal(size=centre.shape) + 0.6 * centre / (
-        np.linalg.norm(centre, axis=1, keepdims=True) + 1e-9
-    )
+    """Return (N, 4, 3) skewed squares about `centre` (N, 3), tilted at random, facing outwards."""
+    outward = centre / (np.linalg.norm(centre, axis=1, keepdims=True) + 1e-9)
+    normal = rng.normal(size=centre.shape) + 0.6 * outward
     normal *= np.where((normal * centre).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     across = np.cross(normal, rng.normal(size=centre.shape))
@@ -123,7 +122,7 @@ def _facets(
 _HEDGE_SECTION = np.array(
     [[0.5, 0.0], [0.52, 0.45], [0.5, 0.85], [0.3, 1.0], [-0.3, 1.0], [-0.5, 0.85], [-0.52, 0.45], [-0.5, 0.0]]
 )
-"""Half-way round a trimmed hedge: left foot over the top to the right foot, shares of thickness and height."""
+"""Round a trimmed hedge from its left foot over the top to its right: shares of thickness and height."""
 
 
 def hedge(
@@ -159,8 +158,7 @@ def _walk(polyline: NDArray[np.float64], step_m: float) -> tuple[NDArray[np.floa
     length = np.hypot(step[:, 0], step[:, 1])
     at = np.r_[0.0, np.cumsum(length)]
     pieces = [
-        np.linspace(a, b, max(2, int(np.ceil((b - a) / step_m)) + 1))[:-1]
-        for a, b in zip(at[:-1], at[1:], strict=True)
+        np.linspace(a, b, max(2, int(np.ceil((b - a) / step_m)) + 1))[:-1] for a, b in pairwise(at.tolist())
     ]
     place = np.r_[np.concatenate(pieces), at[-1]]
     points = np.stack([np.interp(place, at, polyline[:, axis]) for axis in (0, 1)], axis=1)

@@ -65,8 +65,10 @@ def _walker(*, stride_m: float, size: float) -> Mesh:
         _limb([(0, y, 0.92), (0.45 * d + 0.06, y, 0.5), (d, y, 0.07)], [0.085, 0.06, 0.042], size)
         for y, d in ((0.1, s), (-0.1, -s))
     ]
-    feet = [ellipsoid((size * 0.14, size * 0.05, size * 0.05), (size * (d + 0.06), size * y, size * 0.05), rows=4)
-            for y, d in ((0.1, s), (-0.1, -s))]  # fmt: skip
+    sole = (size * 0.14, size * 0.05, size * 0.05)
+    feet = [
+        ellipsoid(sole, (size * (d + 0.06), size * y, size * 0.05), rows=4) for y, d in ((0.1, s), (-0.1, -s))
+    ]
     arms = [
         _limb(
             [(0, y, 1.42), (0.3 * d, 1.25 * y, 1.15), (0.6 * d + 0.12, 1.2 * y, 0.95)],
@@ -86,7 +88,7 @@ def _head(middle: Point, size: float = 1.0) -> Mesh:
 
 
 def _rider(*, lean_m: float) -> Mesh:
-    """Return a rider on the saddle at x = -0.2, z = 0.95; `lean_m` is how far the shoulders are ahead of it."""
+    """Return a rider on the saddle at x = -0.2, z = 0.95; `lean_m` is how far its shoulders are ahead."""
     shoulder = -0.2 + lean_m
     high = 0.97 + float(np.sqrt(0.55**2 - lean_m**2))
     legs = [
@@ -95,11 +97,14 @@ def _rider(*, lean_m: float) -> Mesh:
     ]
     feet = [ellipsoid((0.13, 0.045, 0.045), (0.06, y, pedal - 0.03), sides=6, rows=4)
             for y, pedal in ((0.11, 0.2), (-0.11, 0.46))]  # fmt: skip
+    elbow = 0.5 * (shoulder + 0.4), 0.5 * (high + 1.0) - 0.08
     arms = [
-        _limb([(shoulder, y, high - 0.04), (0.5 * (shoulder + 0.4), 1.2 * y, 0.5 * (high + 1.0) - 0.08), (0.42, y, 1.02)],
-              [0.055, 0.042, 0.035])
+        _limb(
+            [(shoulder, y, high - 0.04), (elbow[0], 1.2 * y, elbow[1]), (0.42, y, 1.02)],
+            [0.055, 0.042, 0.035],
+        )
         for y in (0.21, -0.21)
-    ]  # fmt: skip
+    ]
     trunk = _torso((-0.2, 0, 0.97), (shoulder, 0, high))
     return merge([*legs, *feet, *arms, trunk, _head((shoulder + 0.08, 0, high + 0.18))])
 

@@ -12,7 +12,7 @@ Quads = NDArray[np.float64]
 
 
 def grown(outline: NDArray[np.float64], distance_m: ArrayLike) -> NDArray[np.float64]:
-    """Return `outline` (N, 2), counter-clockwise, its edges moved outwards by `distance_m` (scalar or (N,))."""
+    """Return `outline` (N, 2), counter-clockwise, its edges moved out by `distance_m` (or (N,))."""
     step = np.roll(outline, -1, axis=0) - outline
     along = step / np.hypot(step[:, 0], step[:, 1])[:, None]
     normal = along[:, ::-1] * [1.0, -1.0]
@@ -58,7 +58,7 @@ def skirt(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> Quads:
 
 
 def flat_roof(outline: NDArray[np.float64], *, height_m: float, parapet_m: float) -> tuple[Quads, Quads]:
-    """Return the deck with the parapet's inner face, and the coping; walls are to reach `height_m + parapet_m`."""
+    """Return the deck with the parapet's inner face, and the coping on walls of `height_m + parapet_m`."""
     inner, outer = grown(outline, -0.25), grown(outline, 0.05)
     top = height_m + parapet_m
     inside = skirt(raised(inner, top), raised(inner, height_m))
@@ -83,7 +83,7 @@ def mansard_roof(outline: NDArray[np.float64], *, height_m: float, inset_m: floa
 def pitched_roof(
     outline: NDArray[np.float64], overhang_m: NDArray[np.float64], *, height_m: float, slope: float, hip: bool
 ) -> tuple[Quads, Quads, NDArray[np.float64]]:
-    """Return roof surfaces, gable walls and the ridge (2, 3) over a quadrilateral with eaves on edges 0 and 2.
+    """Return surfaces, gable walls and ridge (2, 3) over a quadrilateral with eaves on edges 0 and 2.
 
     `overhang_m` (4,) is how far the roof reaches past each edge; `slope` is rise over run. A hip roof has
     no gables.

@@ -1,4 +1,4 @@
-"""Small solids as triangle meshes: boxes, prisms, lofts, tubes, ellipsoids, loose quads, and how to join them.
+"""Small solids as triangle meshes: boxes, prisms, lofts, tubes, ellipsoids, loose quads, and joining.
 
 Faces are counter-clockwise seen from outside. Shapes are built in float64 and rounded once to float32.
 """
@@ -25,17 +25,22 @@ def mesh(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
     """Return a `Mesh` of `vertices` (V, 3) [m] and `faces` (F, 3), without the faces that have no area."""
     points = np.asarray(vertices, dtype=np.float32).reshape(-1, 3)
     triangles = np.asarray(faces, dtype=np.uint32).reshape(-1, 3)
-    a, b, c = (points[triangles[:, i]].astype(np.float64) for i in range(3))
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return Mesh(vertices=points, faces=triangles[area > MIN_AREA_M2])
+    return Mesh(vertices=points, faces=triangles[areas(points, triangles) > MIN_AREA_M2])
+
+
+def areas(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Return the area [m^2] of every face, (F,)."""
+    first, second, third = vertices[faces.T].astype(np.float64)
+    ux, uy, uz = (second - first).T
+    vx, vy, vz = (third - first).T
+    return 0.5 * np.sqrt((uy * vz - uz * vy) ** 2 + (uz * vx - ux * vz) ** 2 + (ux * vy - uy * vx) ** 2)
 
 
 def quads(corners: ArrayLike) -> Mesh:
     """Return loose quads `corners` (Q, 4, 3) [m], each counter-clockwise seen from its outer side."""
     points = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 3)
-    first = 4 * np.arange(len(points))[:, None]
-    faces = np.stack([first + [0, 1, 2], first + [0, 2, 3]], axis=1)
-    return mesh(points, faces)
+    first = 4 * np.arange(len(points))
+    return mesh(points, first[:, None] + [0, 1, 2, 0, 2, 3])
 
 
 def merge(meshes: Iterable[Mesh]) -> Mesh:
@@ -101,7 +106,7 @@ def _quad_faces(corners: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def prism(outline: ArrayLike, *, bottom_m: float, top_m: float) -> Mesh:
-    """Return a simple counter-clockwise polygon `outline` (N, 2) [m], convex or not, raised between heights."""
+    """Return a simple counter-clockwise polygon `outline` (N, 2) [m], convex or not, between heights."""
     corners = np.asarray(outline, dtype=np.float64)
     lid = polygon_triangles(corners)
     size = len(corners)
@@ -144,8 +149,8 @@ def cylinder(radius_m: float, height_m: float, *, sides: int = 8, top_radius_m: 
 
 
 def tube(
-    start_m: Sequence[float],
-    end_m: Sequence[float],
+    start_m: ArrayLike,
+    end_m: ArrayLike,
     radius_m: float,
     end_radius_m: float | None = None,
     *,
@@ -173,7 +178,7 @@ def ellipsoid(
 
 
 def prototype(name: str, class_name: str, parts: dict[str, Mesh]) -> Prototype:
-    """Return a `Prototype` whose `parts` are shifted so that their common box is centred and on the ground."""
+    """Return a `Prototype` of `parts`, shifted so that their common box is centred and on the ground."""
     points = np.concatenate([part.vertices[np.unique(part.faces)] for part in parts.values()])
     low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
     shift = (-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2])

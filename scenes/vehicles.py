@@ -4,6 +4,7 @@ Sizes are those of common European models of each kind; hulls follow `scenes.bod
 """
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 import numpy as np
 
@@ -60,7 +61,7 @@ def _car(
     tail: float,
     wheel: float = 0.315,
 ) -> Prototype:
-    """Return a car; `cowl`, `front`, `rear`, `deck` are where screens and roof begin and end from the front."""
+    """Return a car; `cowl`, `front`, `rear`, `deck` are where screens and roof begin and end."""
     low = 0.5 * wheel
     waist = 0.62 * height
     axles = (0.2 * length, 0.2 * length + 0.585 * length)
@@ -68,7 +69,8 @@ def _car(
     hull = Hull(
         length_m=length,
         width_m=width,
-        floor=((0, low + 0.2), (0.06, low + 0.1), (0.3, low), (length - 0.3, low + 0.04), (length, low + 0.2)),
+        floor=((0, low + 0.2), (0.06, low + 0.1), (0.3, low), (length - 0.3, low + 0.04),
+               (length, low + 0.2)),
         belt=((0, 0.36 * height), (0.06, 0.46 * height), (0.25, 0.5 * height), (cowl, waist + 0.02),
               (deck, tail), (length - 0.05, tail - 0.05), (length, tail - 0.25)),
         roof=((0, 0), (cowl - 0.01, 0), (cowl, waist + 0.02), (front, height - 0.03),
@@ -118,7 +120,8 @@ def _van(
     hull = Hull(
         length_m=length,
         width_m=width,
-        floor=((0, low + 0.2), (0.08, low + 0.08), (0.3, low), (length - 0.2, low + 0.08), (length, low + 0.2)),
+        floor=((0, low + 0.2), (0.08, low + 0.08), (0.3, low), (length - 0.2, low + 0.08),
+               (length, low + 0.2)),
         belt=((0, 0.62), (0.08, 0.72), (0.25, 0.82), (cowl, waist), (front, waist + 0.05),
               (length - 0.04, waist + 0.05), (length, waist)),
         roof=((0, 0), (cowl - 0.01, 0), (cowl, waist), (front, height - 0.1), (front + 0.5, height),
@@ -256,7 +259,7 @@ def _bus() -> Parts:
     length, width, height, waist = 11.8, 2.55, 3.05, 1.15
     half = 0.5 * length
     edges = np.linspace(0.95, length - 0.5, 8)
-    windows = tuple((float(a) + 0.06, float(b) - 0.06) for a, b in zip(edges[:-1], edges[1:], strict=True))
+    windows = tuple((a + 0.06, b - 0.06) for a, b in pairwise(edges.tolist()))
     hull = Hull(
         length_m=length,
         width_m=width,
