@@ -108,6 +108,8 @@ def _build_up(
     assembly: Assembly, plot: Plot, use: Use, ground: Ground, avenues: BaseGeometry, rng: np.random.Generator
 ) -> None:
     sides = sorted(frontages(plot.block, ground.corridor), key=lambda side: -len(side))
+    if plot.block.interiors:  # the town's edge: not all of it is built on
+        sides = [side for side in sides if rng.random() < 0.5]
     kinds = [_side_use(side, use, avenues) for side in sides]
     gardens: list[tuple[Polygon, str]] = []
     for side, kind in zip(sides, kinds, strict=True):

@@ -28,10 +28,10 @@ class Preset:
     uses: tuple[tuple[Use, float], ...] = ()
     kerb_height_m: float = 0.12
     margin_m: float = 60.0
-    parked: float = 0.3
+    parked: float = 0.25
     trucks: float = 0.05
     street_trees: float = 0.35
-    lamps_m: float = 32.0
+    lamps_m: float = 38.0
 
 
 PRESETS: dict[str, Preset] = {

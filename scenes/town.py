@@ -15,10 +15,13 @@ from echoscape.scenes.furniture import furniture_prototypes
 from echoscape.scenes.greenery import tree_prototypes
 from echoscape.scenes.growth import grown_network
 from echoscape.scenes.lanes import road_graph
+from echoscape.scenes.motorway import motorway
 from echoscape.scenes.presets import PRESETS, Preset
+from echoscape.scenes.roads import RoadGraph
 from echoscape.scenes.streets import Network
 from echoscape.scenes.surfaces import KERB_WIDTH_M, Ground, flat, ground_plan, kerb_runs, walking_lines
 from echoscape.scenes.vehicles import vehicle_prototypes
+from echoscape.scenes.verges import dress_country, dress_motorway
 from echoscape.scenes.world import Town
 
 
@@ -27,15 +30,11 @@ def build_town(preset: str = "town", *, seed: int) -> Town:
     if preset not in PRESETS:
         raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {preset!r}")
     settings = PRESETS[preset]
-    network = _network(settings, np.random.default_rng(_stage(seed, 0)))
-    roads, room = road_graph(network)
-    ground = ground_plan(network, roads, room, margin_m=settings.margin_m)
     assembly = Assembly((*vehicle_prototypes(), *furniture_prototypes(), *tree_prototypes()))
-    taken = Taken()
-    lay_ground(assembly, ground, settings)
-    dress_streets(assembly, taken, network, room, settings, seeds=_stage(seed, 2))
-    if settings.uses:
-        fill_blocks(assembly, taken, ground, network, settings, seeds=_stage(seed, 1))
+    if settings.layout == "motorway":
+        roads, ground = _motorway(assembly, settings, seed)
+    else:
+        roads, ground = _streets(assembly, settings, seed)
     x0, y0, x1, y1 = (float(value) for value in ground.land.bounds)
     return Town(
         preset=preset,
@@ -47,6 +46,29 @@ def build_town(preset: str = "town", *, seed: int) -> Town:
         roads=replace(roads, walks=walking_lines(ground)),
         bounds_m=(x0, y0, x1, y1),
     )
+
+
+def _streets(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
+    """Lay streets and put everything on and beside them."""
+    network = _network(settings, np.random.default_rng(_stage(seed, 0)))
+    roads, room = road_graph(network)
+    ground = ground_plan(network, roads, room, margin_m=settings.margin_m)
+    taken = Taken()
+    lay_ground(assembly, ground, settings)
+    dress_streets(assembly, taken, network, room, settings, seeds=_stage(seed, 2))
+    if settings.uses:
+        fill_blocks(assembly, taken, ground, network, settings, seeds=_stage(seed, 1))
+    if settings.layout == "country":
+        dress_country(assembly, taken, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
+    return roads, ground
+
+
+def _motorway(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
+    """Lay a motorway and put everything beside it."""
+    way = motorway(rng=np.random.default_rng(_stage(seed, 0)), margin_m=settings.margin_m)
+    lay_ground(assembly, way.ground, settings)
+    dress_motorway(assembly, Taken(), way, rng=np.random.default_rng(_stage(seed, 3)))
+    return way.roads, way.ground
 
 
 def _stage(seed: int, stage: int) -> np.random.SeedSequence:
