@@ -1,0 +1,82 @@
+"""The antenna's gain towards a direction, and the two-way patterns that rays are drawn from.
+
+A pattern is separable: G(az, el) = G0 g_az(az) g_el(el). The beam turns while a sweep lasts, so the two-way
+azimuth pattern of a row is the mean of the antenna's over that turn (in amplitude, as the sweep integrates).
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from echoscape.sim.sensor import Sensor
+
+AZIMUTH_STEPS = 8192
+ELEVATION_STEPS = 4096
+
+
+def _two_way_azimuth(sensor: Sensor, offset_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the two-way power pattern of the antenna at rest; the interpolation is monotone in dB."""
+    offset_deg, gain_db = np.array(sensor.azimuth_pattern_db).T
+    curve = PchipInterpolator(np.append(-offset_deg[1], offset_deg), np.append(gain_db[1], gain_db))
+    folded = np.abs((offset_rad + math.pi) % (2 * math.pi) - math.pi)
+    return 10 ** (curve(np.minimum(np.degrees(folded), offset_deg[-1])) / 10)
+
+
+@dataclass(frozen=True)
+class Antenna:
+    """Tables of the two-way azimuth and one-way elevation power patterns of a sensor (peak about 1)."""
+
+    sensor: Sensor
+
+    @property
+    def peak_gain(self) -> float:
+        """One-way peak power gain G0."""
+        return 10 ** (self.sensor.antenna_gain_db / 10)
+
+    @property
+    def turn_in_sweep_rad(self) -> float:
+        """Angle that the beam turns through while it samples one sweep [rad]."""
+        return 2 * math.pi * self.sensor.rotation_hz * self.sensor.sweep_s
+
+    @cached_property
+    def azimuth_grid_rad(self) -> NDArray[np.float64]:
+        """Offsets (AZIMUTH_STEPS + 1,) from -pi to pi [rad]."""
+        return np.linspace(-math.pi, math.pi, AZIMUTH_STEPS + 1)
+
+    @cached_property
+    def azimuth_two_way(self) -> NDArray[np.float64]:
+        """Two-way azimuth power pattern on `azimuth_grid_rad`, the beam's turn within a sweep included."""
+        turn = (np.arange(32) + 0.5) / 32 - 0.5
+        offsets = self.azimuth_grid_rad[:, None] + turn * self.turn_in_sweep_rad
+        return np.sqrt(_two_way_azimuth(self.sensor, offsets)).mean(axis=1) ** 2
+
+    @cached_property
+    def elevation_grid_rad(self) -> NDArray[np.float64]:
+        """Elevations (ELEVATION_STEPS + 1,) from -pi/2 to pi/2 [rad] above the beam's middle."""
+        return np.linspace(-math.pi / 2, math.pi / 2, ELEVATION_STEPS + 1)
+
+    @cached_property
+    def elevation_one_way(self) -> NDArray[np.float64]:
+        """One-way elevation power pattern on `elevation_grid_rad`."""
+        elevation_deg, gain_db = np.array(self.sensor.elevation_pattern_db).T
+        grid_deg = np.degrees(self.elevation_grid_rad)
+        curve = PchipInterpolator(elevation_deg, gain_db)
+        return 10 ** (curve(np.clip(grid_deg, elevation_deg[0], elevation_deg[-1])) / 10)
+
+    def two_way_gain(self, azimuth_rad: NDArray, elevation_rad: NDArray) -> NDArray[np.float64]:
+        """Return G0^2 g_az^2 g_el^2 towards an offset and an elevation from the beam's middle [rad]."""
+        azimuth = (np.asarray(azimuth_rad) + math.pi) % (2 * math.pi) - math.pi
+        two_way = np.interp(azimuth, self.azimuth_grid_rad, self.azimuth_two_way)
+        one_way = np.interp(elevation_rad, self.elevation_grid_rad, self.elevation_one_way)
+        return self.peak_gain**2 * two_way * one_way**2
+
+    @cached_property
+    def two_way_energy_sr(self) -> float:
+        """Integral of (G / G0)^2 over the sphere [sr]."""
+        azimuth = np.trapezoid(self.azimuth_two_way, self.azimuth_grid_rad)
+        weight = self.elevation_one_way**2 * np.cos(self.elevation_grid_rad)
+        return float(azimuth * np.trapezoid(weight, self.elevation_grid_rad))

@@ -1,0 +1,10 @@
+"""Universal constants (CODATA 2018, exact in the SI of 2019)."""
+
+SPEED_OF_LIGHT = 299_792_458.0
+"""[m/s]"""
+BOLTZMANN = 1.380649e-23
+"""[J/K]"""
+VACUUM_PERMITTIVITY = 8.8541878128e-12
+"""[F/m]"""
+STANDARD_TEMPERATURE = 290.0
+"""[K], reference temperature of noise figures (IEEE)."""

@@ -1,0 +1,87 @@
+"""Navtech CTS350-X as in the Oxford Radar RobotCar data set; each number with its source or marked calibrated.
+
+Sources: [O] Barnes et al., "The Oxford Radar RobotCar Dataset", ICRA 2020, and its files; [C] Cen & Newman,
+"Precise Ego-Motion Estimation with Millimeter-Wave Radar", ICRA 2018; [B] Burnett et al., "Do We Need to
+Compensate for Motion Distortion and Doppler Effects in Spinning Radar Navigation?", RA-L 2021; [M] measured
+on raw scans of [O]; [cal] calibrated so that simulated scans have the statistics of [M].
+"""
+
+from echoscape.sim.sensor import Sensor
+
+CTS350X = Sensor(
+    name="cts350x",
+    azimuths=400,  # [O]
+    bins=3768,  # [O]
+    bin_m=0.0432,  # [O] files and loaders (the data set's page says 0.0438)
+    rotation_hz=4.0,  # [O]
+    rotation_jitter_s=0.0013,  # [M] frame to frame 247-253 ms
+    encoder_per_turn=5600,  # [M]
+    encoder_first=13,  # [M]
+    carrier_hz=76.5e9,  # [O] 76-77 GHz
+    bandwidth_hz=600e6,  # [M] -3 dB range width 0.36 m is a Hann window over 600 MHz
+    doppler_beta_s=0.049,  # [B]
+    doppler_sign=-1,  # [cal] rising sweep assumed
+    fft_size=8192,  # the least power of two that gives 3768 bins from real samples
+    window="hann",  # [M] shape of the range point spread
+    adc_bits=12,  # [cal] no published figure; its quantisation noise stays below the thermal noise
+    full_scale_db=67.0,  # [cal] to [M] largest code 136 (68 dB)
+    tx_power_w=0.02,  # [cal] 13 dBm, usual for a single-chip 77 GHz transmitter
+    antenna_gain_db=33.0,  # [cal] 4 pi over a beam of 1.8 deg x 12 deg at 70 % efficiency
+    system_loss_db=22.0,  # [cal] brings the level of a street's echoes to [M]
+    noise_figure_db=15.0,  # [cal] usual for 77 GHz receivers
+    noise_units=1.6,  # [M] mean power of quiet rows at far range
+    range_gain_db=(  # [cal] to the lower envelope of [M] relative to the noise beyond 100 m
+        (0.0, -4.0),
+        (4.0, -3.0),
+        (7.5, -1.0),
+        (15.0, 1.0),
+        (30.0, 1.9),
+        (50.0, 1.4),
+        (70.0, 1.0),
+        (90.0, 0.5),
+        (110.0, 0.0),
+        (163.0, -0.4),
+    ),
+    azimuth_pattern_db=(  # [M] azimuth point spread; the main lobe narrowed by 3 % for the turn within a sweep
+        (0.0, 0.0),
+        (0.53, -3.0),
+        (0.83, -6.0),
+        (1.13, -10.0),
+        (1.94, -20.0),
+        (2.9, -30.0),
+        (4.5, -38.0),
+        (9.0, -42.0),
+        (20.0, -50.0),
+        (45.0, -60.0),
+        (90.0, -70.0),
+        (180.0, -75.0),
+    ),
+    elevation_pattern_db=(  # [C] cosecant-squared fill below a narrow main lobe; levels [cal]
+        (-90.0, -45.0),
+        (-40.0, -28.0),
+        (-25.0, -21.0),
+        (-10.0, -13.5),
+        (-5.0, -7.5),
+        (-3.0, -4.0),
+        (-1.5, -1.2),
+        (0.0, 0.0),
+        (1.5, -1.8),
+        (3.0, -6.0),
+        (6.0, -15.0),
+        (15.0, -26.0),
+        (40.0, -35.0),
+        (90.0, -45.0),
+    ),
+    phase_noise_dbc_hz=-88.0,  # [cal] usual for 77 GHz synthesisers inside the loop bandwidth
+    phase_noise_corner_hz=300e3,  # [cal]
+    leakage_dbm=(  # [cal] to [M] mean code 29-47 in bins 0-32, 5 at bin 70
+        (0.1, -92.0),
+        (0.45, -94.0),
+        (0.8, -95.0),
+        (1.2, -97.0),
+        (1.7, -105.0),
+        (2.3, -112.0),
+    ),
+    mount_height_m=2.0,  # [cal] on the roof of a compact car
+    mount_tilt_deg=0.0,  # [cal]
+)

@@ -1,0 +1,104 @@
+"""Echoes: what a traced scan hands to the waveform, one entry for each return in each row that hears it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Returns:
+    """What each of R return paths is, whichever rows hear it.
+
+    bounces (R,) uint8: surfaces met out and back (1 direct, 2 loop, 3 mirror ghost or longer loop);
+    instance (R,) uint32; material (R,) uint8; moving (R,) bool.
+    """
+
+    bounces: NDArray[np.uint8]
+    instance: NDArray[np.uint32]
+    material: NDArray[np.uint8]
+    moving: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Echoes:
+    """E echoes, ordered by return and row, the same for any number of threads.
+
+    row (E,) int32; range_m (E,) float64: half the path, Doppler shift included [m]; amplitude (E,) complex64
+    [sqrt(W)], speckle and carrier phase included; mean_power (E,) float32: its mean over speckle [W];
+    source (E,) uint32: index into `returns`; sidelobe (E,) bool: outside the beam's main lobe;
+    closing_mps (E,) float32: radial speed, positive when approaching [m/s].
+    Per row, `first_m` (A,) float32: distance of the first thing in the beam that is no ground [m], inf if none.
+    """
+
+    row: NDArray[np.int32]
+    range_m: NDArray[np.float64]
+    amplitude: NDArray[np.complex64]
+    mean_power: NDArray[np.float32]
+    source: NDArray[np.uint32]
+    sidelobe: NDArray[np.bool_]
+    closing_mps: NDArray[np.float32]
+    returns: Returns
+    first_m: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        """Return the number of echoes."""
+        return len(self.row)
+
+    @property
+    def bounces(self) -> NDArray[np.uint8]:
+        """Bounce order (E,) of each echo."""
+        return self.returns.bounces[self.source]
+
+    @property
+    def instance(self) -> NDArray[np.uint32]:
+        """Instance id (E,) of the last thing that each echo met."""
+        return self.returns.instance[self.source]
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Whether each echo's thing (E,) moves."""
+        return self.returns.moving[self.source]
+
+    def select(self, keep: NDArray[np.bool_]) -> "Echoes":
+        """Return the echoes where `keep` (E,) is true."""
+        return Echoes(
+            row=self.row[keep],
+            range_m=self.range_m[keep],
+            amplitude=self.amplitude[keep],
+            mean_power=self.mean_power[keep],
+            source=self.source[keep],
+            sidelobe=self.sidelobe[keep],
+            closing_mps=self.closing_mps[keep],
+            returns=self.returns,
+            first_m=self.first_m,
+        )
+
+
+def point_echoes(
+    *,
+    row: NDArray,
+    range_m: NDArray,
+    amplitude: NDArray,
+    azimuths: int,
+) -> Echoes:
+    """Return echoes of given rows (E,), ranges (E,) [m] and complex amplitudes (E,) [sqrt(W)], one target each."""
+    count = len(row)
+    returns = Returns(
+        bounces=np.ones(count, np.uint8),
+        instance=np.zeros(count, np.uint32),
+        material=np.zeros(count, np.uint8),
+        moving=np.zeros(count, np.bool_),
+    )
+    amplitude = np.asarray(amplitude, np.complex64)
+    return Echoes(
+        row=np.asarray(row, np.int32),
+        range_m=np.asarray(range_m, np.float64),
+        amplitude=amplitude,
+        mean_power=np.abs(amplitude) ** 2,
+        source=np.arange(count, dtype=np.uint32),
+        sidelobe=np.zeros(count, np.bool_),
+        closing_mps=np.zeros(count, np.float32),
+        returns=returns,
+        first_m=np.full(azimuths, np.inf, np.float32),
+    )

@@ -1,0 +1,209 @@
+"""Ray paths: how a bundle of rays goes on from surface to surface and what comes back from each.
+
+Each ray carries a share of the outgoing power, so a return falls with 1/R^2 in a ray and the spreading of
+the other way lies in how few rays meet a distant thing. With BRDF f, gain G and density p of rays [1/sr]:
+
+    P = Pt lambda^2 / (4 pi)^2  G(out) G(back) |Gamma_1|^2 ... |Gamma_k|^2  f cos / R_back^2  / p
+
+R_back is the unfolded length of the way back (radar equation for distributed targets; Ulaby & Long 2014).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from echoscape.sim.backend import dr, mi
+from echoscape.sim.intersection import Hits, turned
+from echoscape.sim.scattering import Surfaces
+from echoscape.sim.speckle import PATCH_M, patch_key, reflectivity, scatterer_offset
+
+_SKIN_M = 1e-3
+"""A ray goes on this far above the surface that it left."""
+
+
+@dataclass
+class Rays:
+    """N rays on their way, as Dr.Jit arrays.
+
+    origin [m], direction (double); travelled: unfolded length so far [m] (double); weight: product of mirror
+    power reflectivities; row: home row; density [1/sr]; gain: one-way elevation gain towards the first leg;
+    start and heading: the first leg's origin and direction.
+    """
+
+    origin: "mi.Point3d"
+    direction: "mi.Vector3d"
+    travelled: "mi.Float64"
+    weight: "mi.Float"
+    row: "mi.UInt32"
+    density: "mi.Float"
+    gain: "mi.Float"
+    start: "mi.Point3d"
+    heading: "mi.Vector3d"
+
+
+@dataclass
+class ReturnPaths:
+    """Paths that come back, as Dr.Jit arrays.
+
+    out, back: where the path's two ends seem to lie, unfolded [m] (double); power: mean received power but
+    for the azimuth gain [W]; real, imag: unit-mean-power complex Gaussian of the scatterer; drift: rate of
+    the half path by the things' own motion [m/s]; row: home row; material, instance; moving.
+    """
+
+    out: "mi.Point3d"
+    back: "mi.Point3d"
+    power: "mi.Float"
+    real: "mi.Float"
+    imag: "mi.Float"
+    drift: "mi.Float"
+    row: "mi.UInt32"
+    material: "mi.UInt32"
+    instance: "mi.UInt32"
+    moving: "mi.Bool"
+    bounces: int
+
+
+def picked(arrays: object, index: "mi.UInt32") -> object:
+    """Return a dataclass of Dr.Jit arrays with only the entries at `index`."""
+    values = {
+        name: dr.gather(type(value), value, index) if dr.is_array_v(value) else value
+        for name, value in vars(arrays).items()
+    }
+    return type(arrays)(**values)
+
+
+def _te_share(direction: "mi.Vector3f", normal: "mi.Vector3f") -> "mi.Float":
+    """Return the share of a vertically polarised wave's power that is TE at a surface."""
+    across = dr.cross(direction, normal)
+    up = mi.Vector3f(0, 0, 1) - direction * direction.z
+    scale = dr.squared_norm(across) * dr.squared_norm(up)
+    share = dr.square(dr.dot(across, up)) / dr.maximum(scale, 1e-12)
+    return dr.select(scale > 1e-8, dr.clip(share, 0, 1), 0.5)
+
+
+class Scatterer:
+    """Turns hits into returns and into rays that go on; holds what does not change from scan to scan."""
+
+    def __init__(
+        self,
+        *,
+        surfaces: Surfaces,
+        link: float,
+        elevation_gain: np.ndarray,
+        seed: int,
+        speckle: bool,
+    ) -> None:
+        """`link` is Pt lambda^2 G0^2 / ((4 pi)^2 L) [W m^2]; `elevation_gain` the one-way table, even in angle."""
+        self._surfaces = surfaces
+        self._link = link
+        self._elevation = mi.Float(elevation_gain.astype(np.float32))
+        self._steps = len(elevation_gain) - 1
+        self._seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
+        self._speckle = speckle
+
+    def _gain_towards(self, direction: "mi.Vector3f", active: "mi.Bool") -> "mi.Float":
+        """Return the one-way elevation gain of unit directions, looked up in even steps of the angle."""
+        place = (dr.asin(dr.clip(direction.z, -1, 1)) / math.pi + 0.5) * self._steps
+        return dr.gather(mi.Float, self._elevation, dr.minimum(mi.UInt32(place + 0.5), self._steps), active)
+
+    def _reflected(self, rays: Rays, hits: Hits) -> "tuple[mi.Float, mi.Float, mi.Float]":
+        """Return cosine of incidence, reflected power |Gamma|^2 and its mirror share."""
+        direction, normal = mi.Vector3f(rays.direction), mi.Vector3f(hits.normal)
+        cosine = dr.clip(-dr.dot(direction, normal), 0, 1)
+        power = self._surfaces.reflected_power(hits.material, cosine, _te_share(direction, normal), hits.active)
+        return cosine, power, self._surfaces.mirror_share(hits.material, cosine, hits.active)
+
+    def _speckled(self, rays: Rays, hits: Hits, mean_rays: "mi.Float") -> "tuple[mi.Float64, mi.Float, mi.Float]":
+        """Return how much farther along the ray the patch's scatterer lies [m], and its reflectivity.
+
+        Several rays that meet one patch add in phase: k rays where `mean_rays` are expected would give k^2 times
+        the power of one, so the reflectivity falls by E[k^2] / E[k] = 1 + mean (Poisson).
+        """
+        if not self._speckle:
+            return mi.Float64(0), mi.Float(1), mi.Float(0)
+        key = patch_key(hits.local, hits.owner, self._seed)
+        real, imag = reflectivity(key)
+        scale = dr.rsqrt(1 + mean_rays)
+        offset = turned(scatterer_offset(hits.local, key), hits.cosine, hits.sine)
+        flat = offset - hits.normal * dr.dot(offset, hits.normal)
+        return dr.dot(flat, rays.direction), real * scale, imag * scale
+
+    def same_path(self, rays: Rays, hits: Hits, *, depth: int) -> ReturnPaths:
+        """Return the power that goes back the way it came: direct at depth 1, mirror ghosts beyond."""
+        cosine, power, share = self._reflected(rays, hits)
+        lobe = self._surfaces.mirror_lobe(hits.material, cosine, cosine, cosine, hits.active)
+        brdf = share * lobe + (1 - share) / math.pi
+        length = rays.travelled + hits.distance
+        length32 = mi.Float(length)
+        received = self._link * dr.square(rays.gain * rays.weight) * power * brdf * cosine
+        received /= dr.square(length32) * rays.density
+        mean_rays = rays.density * (PATCH_M * PATCH_M) * cosine / dr.square(length32)
+        farther, real, imag = self._speckled(rays, hits, mean_rays)
+        place = rays.start + rays.heading * (length + farther)
+        return ReturnPaths(
+            out=place,
+            back=place,
+            power=dr.select(hits.active, received, 0),
+            real=real,
+            imag=imag,
+            drift=dr.dot(hits.velocity, mi.Vector3f(rays.direction)),
+            row=rays.row,
+            material=hits.material,
+            instance=hits.instance,
+            moving=hits.owner != 0,
+            bounces=2 * depth - 1,
+        )
+
+    def loop(self, rays: Rays, hits: Hits, sensor: "mi.Point3d", *, depth: int) -> ReturnPaths:
+        """Return the power that leaves the last surface straight for the radar at `sensor` (N) [m].
+
+        A diffuse last surface sends as much the other way round the loop, in phase: twice the amplitude. The
+        other way round of a mirror part is a ray of its own.
+        """
+        cosine, power, share = self._reflected(rays, hits)
+        home = sensor - hits.place
+        length = dr.norm(home)
+        towards = home / length
+        cos_out = mi.Float(dr.dot(hits.normal, towards))
+        half = dr.normalize(mi.Vector3f(towards - rays.direction))
+        cos_half = dr.dot(half, mi.Vector3f(hits.normal))
+        active = hits.active & (cos_out > 1e-3)
+        lobe = self._surfaces.mirror_lobe(hits.material, cos_half, cosine, cos_out, active)
+        brdf = share * lobe + 4 * (1 - share) / math.pi
+        gains = rays.gain * self._gain_towards(mi.Vector3f(-towards), active)
+        received = self._link * gains * rays.weight * power * brdf * cos_out
+        received /= dr.square(mi.Float(length)) * rays.density
+        unfolded = rays.travelled + hits.distance
+        mean_rays = rays.density * (PATCH_M * PATCH_M) * cosine / dr.square(mi.Float(unfolded))
+        _, real, imag = self._speckled(rays, hits, mean_rays)
+        away = mi.Vector3f(rays.direction - towards) * 0.5
+        return ReturnPaths(
+            out=rays.start + rays.heading * unfolded,
+            back=mi.Point3d(hits.place),
+            power=dr.select(active, received, 0),
+            real=real,
+            imag=imag,
+            drift=dr.dot(hits.velocity, away),
+            row=rays.row,
+            material=hits.material,
+            instance=hits.instance,
+            moving=hits.owner != 0,
+            bounces=depth,
+        )
+
+    def mirrored(self, rays: Rays, hits: Hits) -> Rays:
+        """Return the rays that go on from the hits as from mirrors."""
+        _, power, share = self._reflected(rays, hits)
+        onward = rays.direction - 2 * dr.dot(rays.direction, hits.normal) * hits.normal
+        return Rays(
+            origin=mi.Point3d(hits.place + hits.normal * _SKIN_M),
+            direction=dr.normalize(onward),
+            travelled=rays.travelled + hits.distance,
+            weight=dr.select(hits.active, rays.weight * power * share, 0),
+            row=rays.row,
+            density=rays.density,
+            gain=rays.gain,
+            start=rays.start,
+            heading=rays.heading,
+        )

@@ -1,0 +1,65 @@
+"""Phase noise of the synthesiser, correlated between transmitted and received wave by the echo's delay.
+
+A beat tone carries exp(j (phi(t) - phi(t - tau))): near echoes cancel it, S_beat = S 4 sin^2(pi f tau)
+(Budge & Burt, IEEE RADAR 1993). Delay and beat frequency belong together, tau = f / slope, so delaying every
+tone by its own tau is the all-pass filter exp(-j pi f^2 / slope): undo it, multiply by exp(-j phi), do it, and
+multiply by exp(+j phi). That is exact for any strength of noise, with no loop over echoes.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from echoscape.sim.sensor import Sensor
+from echoscape.sim.waveform import analytic_beat
+
+
+def phase_noise(sensor: Sensor, *, rows: int, count: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Draw the synthesiser's phase (rows, count) float32 [rad] at the converter's rate.
+
+    Its one-sided density is twice the single-sideband level L0 / (1 + (f / corner)^2) [rad^2/Hz].
+    """
+    frequency = fft.rfftfreq(count, 1 / sensor.sample_hz)
+    level = 10 ** (sensor.phase_noise_dbc_hz / 10) / (1 + (frequency / sensor.phase_noise_corner_hz) ** 2)
+    # White noise of variance 1 has the one-sided density 2 / fs.
+    shape = np.sqrt(level * sensor.sample_hz)
+    shape[0] = 0.0  # a constant phase is no noise
+    white = rng.standard_normal((rows, count), dtype=np.float32)
+    return fft.irfft(fft.rfft(white, axis=1) * shape.astype(np.float32), count, axis=1)
+
+
+def _count(sensor: Sensor) -> int:
+    """Return how many samples hold a sweep with room at its ends for the delays of the farthest echoes."""
+    return 1 << int(np.ceil(np.log2(sensor.samples * 1.05)))
+
+
+def _delay(sensor: Sensor, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex64]:
+    """Return the filter that delays every tone of beat frequency f by its echo's delay f / slope."""
+    return np.exp(-1j * np.pi * frequency_hz**2 / sensor.slope_hz_s).astype(np.complex64)
+
+
+def noisy_beat(
+    grid: NDArray[np.complex64], sensor: Sensor, *, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes, phase noise included."""
+    count = _count(sensor)
+    phase = phase_noise(sensor, rows=len(grid), count=count, rng=rng)
+    return _with_phase(grid, sensor, phase)
+
+
+def _with_phase(
+    grid: NDArray[np.complex64], sensor: Sensor, phase: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return the beat signal (rows, samples) of a grid under the synthesiser's phase (rows, count) [rad]."""
+    count = phase.shape[1]
+    step_hz = sensor.sample_hz / sensor.fft_size
+    early = grid / _delay(sensor, np.arange(grid.shape[1]) * step_hz)
+    carrier = np.exp(1j * phase)
+    # The received wave's phase is needed at half the rate only: the analytic signal has half the band.
+    received = analytic_beat(early, sensor, count=count // 2) * carrier[:, ::2].conj()
+    tones = fft.fft(received, axis=1)
+    tones *= _delay(sensor, (np.arange(count // 2) * (sensor.sample_hz / count)).astype(np.float64))
+    full = fft.ifft(tones, count, axis=1) * np.float32(2)
+    first = count // 2 - sensor.samples // 2
+    inside = slice(first, first + sensor.samples)
+    return (full[:, inside] * carrier[:, inside]).real.astype(np.float32)

@@ -1,0 +1,31 @@
+"""The sensor's quantiser: a piecewise-linear logarithm of the integer power, in half decibels.
+
+    code = 0 if n <= 1 else floor(6 (e + n / 2^e - 1) + 1/2),  e = floor(log2 n)
+
+It reproduces the codes that never occur in scans of four Navtech radars (1-5, 7, 8, 10, 11, 13, 16); code / 2
+is dB. 8-bit codes end at 255, which no real scan reaches.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+LARGEST_CODE = 254
+
+
+def codes(power: ArrayLike) -> NDArray[np.uint8]:
+    """Return the codes (...) uint8 of received powers (...) >= 0 in the sensor's units; powers are rounded.
+
+    Raises:
+        ValueError: a power is negative or not finite.
+    """
+    counts = np.rint(np.asarray(power, np.float32))
+    if not np.isfinite(counts).all() or (counts < 0).any():
+        raise ValueError("power must be finite and 0 or more")
+    mantissa, exponent = np.frexp(counts)  # n = mantissa 2^exponent, mantissa in [1/2, 1): e = exponent - 1
+    steps = np.floor(6 * (exponent + 2 * mantissa - 2) + 0.5)
+    return np.where(counts <= 1, 0, np.minimum(steps, LARGEST_CODE)).astype(np.uint8)
+
+
+def decibels(code: ArrayLike) -> NDArray[np.float32]:
+    """Return the level of codes [dB above one unit]; code 0 stands for 0 dB or less."""
+    return np.asarray(code, np.float32) / 2

@@ -1,0 +1,129 @@
+"""The receiver: leakage, phase noise, thermal noise, converter, window, FFT, gain and quantiser.
+
+Nothing is painted on: a strong echo clips the converter, and its harmonics and the raised floor of the row
+follow; a strong far echo carries its phase-noise skirt.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.sim.artefacts import Artefacts
+from echoscape.sim.echoes import point_echoes
+from echoscape.sim.link import full_scale_amplitude, range_gain, written_units
+from echoscape.sim.phase_noise import noisy_beat
+from echoscape.sim.sensor import Sensor
+from echoscape.sim.waveform import BIN_CENTRE, beat, echo_grid, profile, spectrum
+
+_BLOCK = 25
+"""Rows that are processed together, so that what is being worked on stays in the processor's cache."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Received:
+    """What the receiver makes of one scan, in units of written power.
+
+    power (A, bins) float32: what the quantiser takes; echo, noise, distortion (A, bins) float32: the parts that
+    echoes, thermal noise, and everything non-linear (clipping, converter steps, phase noise) have alone;
+    saturated (A,) bool: a sample of the row was clipped.
+    """
+
+    power: NDArray[np.float32]
+    echo: NDArray[np.float32]
+    noise: NDArray[np.float32]
+    distortion: NDArray[np.float32]
+    saturated: NDArray[np.bool_]
+
+
+def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
+    """Return the leakage as one row of the grid of echoes (1, fft_size / 2) [sqrt(W)], the same in every row."""
+    range_m, level_dbm = np.array(sensor.leakage_dbm).T
+    phase = -4 * math.pi * range_m / sensor.wavelength_m
+    amplitude = np.sqrt(10 ** ((level_dbm - 30) / 10)) * np.exp(1j * phase)
+    echoes = point_echoes(row=np.zeros(len(range_m)), range_m=range_m, amplitude=amplitude, azimuths=sensor.azimuths)
+    return echo_grid(echoes, sensor)[:1]
+
+
+def thermal_noise(sensor: Sensor, *, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Draw the noise of all samples of a scan (azimuths, samples) float32 [sqrt(W)], white, k T0 F fs / 2."""
+    draws = rng.standard_normal((sensor.azimuths, sensor.samples), dtype=np.float32)
+    return draws * np.float32(math.sqrt(sensor.thermal_noise_w))
+
+
+def convert(
+    signal: NDArray[np.float32], sensor: Sensor, artefacts: Artefacts
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return what the converter makes of a signal (rows, samples), and which rows (rows,) it clips."""
+    full_scale = full_scale_amplitude(sensor)
+    clipped = (np.abs(signal) > full_scale).any(axis=1)
+    if artefacts.saturation:
+        signal = np.clip(signal, -full_scale, full_scale)
+    if artefacts.quantisation:
+        step = np.float32(2 * full_scale / 2**sensor.adc_bits)
+        signal = np.rint(signal / step) * step
+    return signal, clipped & artefacts.saturation
+
+
+def receive(
+    grid: NDArray[np.complex64],
+    sensor: Sensor,
+    artefacts: Artefacts,
+    *,
+    noise_rng: np.random.Generator,
+    phase_rng: np.random.Generator,
+) -> Received:
+    """Return the written power of a scan's grid of echoes (azimuths, fft_size / 2), and what made it.
+
+    The linear parts (echo, noise) and the whole are transformed alike; what the whole has beyond them is
+    distortion.
+    """
+    gain = (written_units(sensor) * range_gain(sensor, (np.arange(sensor.bins) + BIN_CENTRE) * sensor.bin_m)).astype(
+        np.float32
+    )
+    noise = thermal_noise(sensor, rng=noise_rng) if artefacts.thermal_noise else None
+    leak = leakage_grid(sensor) if artefacts.leakage else np.zeros((1, grid.shape[1]), np.complex64)
+    parts = [np.empty((sensor.azimuths, sensor.bins), np.float32) for _ in range(4)]
+    saturated = np.zeros(sensor.azimuths, np.bool_)
+    for start in range(0, sensor.azimuths, _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        noise_rows = None if noise is None else noise[rows]
+        block, saturated[rows] = _block(grid[rows] + leak, noise_rows, sensor, artefacts, phase_rng)
+        for whole, part in zip(parts, block, strict=True):
+            np.multiply(part, gain, out=whole[rows])
+    return Received(power=parts[0], echo=parts[1], noise=parts[2], distortion=parts[3], saturated=saturated)
+
+
+def _block(
+    grid: NDArray[np.complex64],
+    noise: NDArray[np.float32] | None,
+    sensor: Sensor,
+    artefacts: Artefacts,
+    phase_rng: np.random.Generator,
+) -> tuple[list[NDArray[np.float32]], NDArray[np.bool_]]:
+    """Return |FFT|^2 of the whole, the echoes, the noise and the distortion of some rows, and the clipped rows."""
+    noiseless = np.zeros((len(grid), sensor.bins), np.float32)
+    if artefacts.linear and noise is None:
+        echo = _power(profile(grid, sensor))
+        return [echo, echo, noiseless, noiseless], np.zeros(len(grid), np.bool_)
+    clean = beat(grid, sensor)
+    noise_spectrum = noiseless if noise is None else spectrum(noise, sensor)
+    clean_spectrum = spectrum(clean, sensor)
+    if artefacts.linear:
+        whole = clean_spectrum + noise_spectrum
+        return [_power(whole), _power(clean_spectrum), _power(noise_spectrum), noiseless], np.zeros(
+            len(grid), np.bool_
+        )
+    signal = noisy_beat(grid, sensor, rng=phase_rng) if artefacts.phase_noise else clean
+    if noise is not None:
+        signal = signal + noise
+    converted, saturated = convert(signal, sensor, artefacts)
+    whole = spectrum(converted, sensor)
+    distortion = whole - clean_spectrum - noise_spectrum
+    return [_power(each) for each in (whole, clean_spectrum, noise_spectrum, distortion)], saturated
+
+
+def _power(values: NDArray) -> NDArray[np.float32]:
+    """Return |values|^2."""
+    return np.square(values.real) + np.square(values.imag)

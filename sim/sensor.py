@@ -1,0 +1,174 @@
+"""The description of a spinning FMCW radar: every number that one sensor differs from another in.
+
+Quantities that follow from others are properties, so that no number stands twice.
+"""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Literal
+
+from echoscape.sim.constants import BOLTZMANN, SPEED_OF_LIGHT, STANDARD_TEMPERATURE
+
+Table = tuple[tuple[float, float], ...]
+"""A function of one variable as (x, y) rows with increasing x."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor:
+    """A spinning FMCW radar with a sawtooth sweep in every azimuth row.
+
+    Angles in tables are degrees and gains dB, as data sheets have them; everything else is SI.
+    """
+
+    name: str
+    """Name of the sensor."""
+    azimuths: int
+    """Rows of a scan."""
+    bins: int
+    """Range bins of a row."""
+    bin_m: float
+    """Range step of a bin [m]."""
+    rotation_hz: float
+    """Turns a second."""
+    rotation_jitter_s: float
+    """Standard deviation of the time of one turn [s]."""
+    encoder_per_turn: int
+    """Encoder counts of a turn."""
+    encoder_first: int
+    """Encoder count of the first row."""
+    carrier_hz: float
+    """Centre frequency of the sweep [Hz]."""
+    bandwidth_hz: float
+    """Swept bandwidth within the sampled part of the sweep [Hz]."""
+    doppler_beta_s: float
+    """Range shift by radial speed of an approaching target, carrier x sweep time / bandwidth [s]."""
+    doppler_sign: int
+    """-1: an approaching target appears nearer (rising sweep); +1: farther (falling sweep)."""
+    fft_size: int
+    """Length of the zero-padded range FFT, a power of two."""
+    window: Literal["hann", "hamming", "blackman", "boxcar"]
+    """Window over the sweep's samples."""
+    adc_bits: int
+    """Resolution of the analogue-to-digital converter."""
+    full_scale_db: float
+    """Power that a sine at the converter's clipping level has in the written scan [dB above one unit]."""
+    tx_power_w: float
+    """Transmitted power [W]."""
+    antenna_gain_db: float
+    """One-way peak gain of the antenna [dBi]."""
+    system_loss_db: float
+    """Two-way losses of feed, radome and mixer [dB]."""
+    noise_figure_db: float
+    """Noise figure of the receiver [dB]."""
+    noise_units: float
+    """Mean of the thermal noise in the integer power that the quantiser takes."""
+    range_gain_db: Table
+    """Gain of the receiver by range [m], [dB]."""
+    azimuth_pattern_db: Table
+    """Two-way azimuth pattern by offset from the beam's middle [deg], [dB], symmetric, antenna at rest."""
+    elevation_pattern_db: Table
+    """One-way elevation pattern by elevation above the beam's middle [deg], [dB]."""
+    phase_noise_dbc_hz: float
+    """Phase-noise density below the corner [dBc/Hz]."""
+    phase_noise_corner_hz: float
+    """Corner above which the density falls with 1/f^2 [Hz]."""
+    leakage_dbm: Table
+    """Transmit-receive leakage and radome echoes by range [m], received power [dBm]."""
+    mount_height_m: float
+    """Height of the antenna above the road [m]."""
+    mount_tilt_deg: float
+    """Elevation of the beam's middle above the horizon [deg]."""
+
+    def __post_init__(self) -> None:
+        """Refuse values that make no radar, naming the field."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, (int, float)) and not math.isfinite(value):
+                raise ValueError(f"{field.name} must be finite, got {value}")
+            if isinstance(value, tuple):
+                _check_table(field.name, value)
+        for name in _POSITIVE:
+            if getattr(self, name) <= 0:
+                raise ValueError(f"{name} must be above 0, got {getattr(self, name)}")
+        if self.doppler_sign not in (-1, 1):
+            raise ValueError(f"doppler_sign must be -1 or 1, got {self.doppler_sign}")
+        if self.fft_size & (self.fft_size - 1) or self.fft_size < 2 * self.bins:
+            raise ValueError(f"fft_size must be a power of two of {2 * self.bins} or more, got {self.fft_size}")
+        if not 8 <= self.samples <= self.fft_size // 4:
+            raise ValueError(
+                f"bandwidth_hz of {self.bandwidth_hz:g} gives {self.samples} samples a sweep; "
+                f"between 8 and {self.fft_size // 4} are possible with bins of {self.bin_m} m"
+            )
+
+    @property
+    def wavelength_m(self) -> float:
+        """Wavelength of the carrier [m]."""
+        return SPEED_OF_LIGHT / self.carrier_hz
+
+    @property
+    def sweep_s(self) -> float:
+        """Duration of the sampled sweep T = beta B / f0 [s]."""
+        return self.doppler_beta_s * self.bandwidth_hz / self.carrier_hz
+
+    @property
+    def slope_hz_s(self) -> float:
+        """Sweep rate B / T [Hz/s]."""
+        return self.bandwidth_hz / self.sweep_s
+
+    @property
+    def sample_hz(self) -> float:
+        """Sampling rate that puts `fft_size` points `bin_m` apart: f_b = 2 B r / (c T) [Hz]."""
+        return self.fft_size * self.bin_m * 2 * self.slope_hz_s / SPEED_OF_LIGHT
+
+    @property
+    def samples(self) -> int:
+        """Samples in a sweep, even."""
+        return 2 * int(self.sample_hz * self.sweep_s / 2)
+
+    @property
+    def resolution_m(self) -> float:
+        """Range resolution cell c / 2B [m]."""
+        return SPEED_OF_LIGHT / (2 * self.bandwidth_hz)
+
+    @property
+    def row_s(self) -> float:
+        """Nominal time from row to row [s]."""
+        return 1 / (self.rotation_hz * self.azimuths)
+
+    @property
+    def range_m(self) -> float:
+        """End of the last bin [m]."""
+        return self.bins * self.bin_m
+
+    @property
+    def thermal_noise_w(self) -> float:
+        """Thermal noise k T0 F in the band of the samples, fs / 2 [W]."""
+        figure = 10 ** (self.noise_figure_db / 10)
+        return BOLTZMANN * STANDARD_TEMPERATURE * figure * self.sample_hz / 2
+
+
+_POSITIVE = (
+    "azimuths",
+    "bins",
+    "bin_m",
+    "rotation_hz",
+    "encoder_per_turn",
+    "carrier_hz",
+    "bandwidth_hz",
+    "doppler_beta_s",
+    "adc_bits",
+    "tx_power_w",
+    "noise_units",
+    "phase_noise_corner_hz",
+    "mount_height_m",
+)
+
+
+def _check_table(name: str, rows: tuple) -> None:
+    """Raise ValueError unless `rows` are finite (x, y) pairs with increasing x."""
+    if len(rows) < 2 or any(len(row) != 2 for row in rows):
+        raise ValueError(f"{name} must hold two or more (x, y) rows, got {len(rows)}")
+    if not all(math.isfinite(value) for row in rows for value in row):
+        raise ValueError(f"{name} must be finite")
+    if any(b[0] <= a[0] for a, b in zip(rows, rows[1:], strict=False)):
+        raise ValueError(f"{name} must have increasing first values")

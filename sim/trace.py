@@ -1,0 +1,209 @@
+"""Traces one scan: rays of all rows at once, bounce after bounce, into the echoes that each row hears.
+
+Read `Tracer.trace` first. Settings and what stays the same from scan to scan live in the Tracer; a scan gives
+the radar's poses by row and the movers' states.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.scenes.world import CLASSES
+from echoscape.sim.antenna import Antenna
+from echoscape.sim.backend import dr, mi
+from echoscape.sim.directions import draw_directions
+from echoscape.sim.echoes import Echoes, Returns
+from echoscape.sim.hearing import Hearing, Heard
+from echoscape.sim.intersection import Hits, World
+from echoscape.sim.link import link_w_m2, units_per_watt
+from echoscape.sim.motion import MoverStates, RowPoses
+from echoscape.sim.paths import Rays, ReturnPaths, Scatterer, picked
+from echoscape.sim.scattering import Surfaces
+from echoscape.sim.sensor import Sensor
+from echoscape.sim.town_scene import TownScene
+
+GROUND_CLASSES = tuple(CLASSES.index(name) for name in ("none", "ground", "road", "pavement", "kerb"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TraceSettings:
+    """How finely and how far a scan is traced."""
+
+    rays: int = 256
+    """Rays of a row, a square number."""
+    max_bounces: int = 3
+    """Surfaces that a path may meet, out and back; 1 leaves direct echoes only."""
+    floor_db: float = -20.0
+    """Echoes weaker than this against the mean thermal noise are left out [dB]."""
+
+    def __post_init__(self) -> None:
+        """Refuse settings that trace nothing."""
+        if not 1 <= self.max_bounces <= 9:
+            raise ValueError(f"max_bounces must be between 1 and 9, got {self.max_bounces}")
+        if not math.isfinite(self.floor_db):
+            raise ValueError(f"floor_db must be finite, got {self.floor_db}")
+
+
+class Tracer:
+    """Traces scans of one sensor in one town."""
+
+    def __init__(
+        self,
+        scene: TownScene,
+        sensor: Sensor,
+        settings: TraceSettings,
+        *,
+        instance_class: NDArray[np.uint8],
+        seed: int,
+        speckle: bool = True,
+        doppler: bool = True,
+    ) -> None:
+        """`instance_class` (I,) names the class of every instance id, movers included."""
+        self._scene = scene
+        self._sensor = sensor
+        self._settings = settings
+        antenna = Antenna(sensor)
+        rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
+        chosen = draw_directions(antenna, rays=settings.rays, rng=rng)
+        elevation = chosen.elevation_rad + math.radians(sensor.mount_tilt_deg)
+        self._row = mi.UInt32(chosen.row)
+        self._forward = mi.Float64(np.cos(elevation) * np.cos(chosen.azimuth_rad))
+        self._aside = mi.Float64(np.cos(elevation) * np.sin(chosen.azimuth_rad))
+        self._up = mi.Float64(np.sin(elevation))
+        self._density = mi.Float(chosen.density.astype(np.float32))
+        one_way = np.interp(chosen.elevation_rad, antenna.elevation_grid_rad, antenna.elevation_one_way)
+        self._gain = mi.Float(one_way.astype(np.float32))
+        row_azimuth = chosen.row * (2 * math.pi / sensor.azimuths)
+        offset = np.abs((chosen.azimuth_rad - row_azimuth + math.pi) % (2 * math.pi) - math.pi)
+        self._in_beam = (offset < math.radians(0.9)) & (np.abs(chosen.elevation_rad) < math.radians(2.5))
+        self._home = chosen.row
+        world_elevation = np.linspace(-math.pi / 2, math.pi / 2, len(antenna.elevation_grid_rad))
+        gain = np.interp(
+            world_elevation - math.radians(sensor.mount_tilt_deg),
+            antenna.elevation_grid_rad,
+            antenna.elevation_one_way,
+        )
+        self._scatterer = Scatterer(
+            surfaces=Surfaces(sensor.carrier_hz, sensor.wavelength_m),
+            link=link_w_m2(sensor),
+            elevation_gain=gain,
+            seed=seed,
+            speckle=speckle,
+        )
+        floor_units = sensor.noise_units * 10 ** (settings.floor_db / 10)
+        self._floor_w = floor_units / units_per_watt(sensor) / 10 ** (max(y for _, y in sensor.range_gain_db) / 10)
+        self._hearing = Hearing(sensor, antenna, floor_w=self._floor_w, doppler=doppler)
+        self._obstacle = ~np.isin(instance_class, GROUND_CLASSES)
+
+    def trace(self, poses: RowPoses, states: MoverStates) -> Echoes:
+        """Return the echoes of one scan for the antenna at `poses` and the movers at `states`."""
+        world = World(self._scene, states, self._sensor.azimuths)
+        self._hearing.place(poses)
+        rays = self._first_rays(poses)
+        heard: list[tuple[ReturnPaths, Heard]] = []
+        first_m = np.full(self._sensor.azimuths, np.inf, np.float32)
+        for depth in range(1, self._settings.max_bounces + 1):
+            hits = self._meet(world, rays)
+            if depth == 1:
+                first_m = self._first_obstacle(hits)
+            index = dr.compress(hits.active)
+            rays, hits = picked(rays, index), picked(hits, index)
+            if len(index) == 0:
+                break
+            if 2 * depth - 1 <= self._settings.max_bounces:
+                heard += self._hearing.hear(self._scatterer.same_path(rays, hits, depth=depth))
+            if depth > 1:
+                heard += self._hearing.hear(self._loops(world, rays, hits, poses, depth=depth))
+            rays = self._onward(rays, hits)
+            if len(rays.row) == 0:
+                break
+        return _gathered(heard, first_m)
+
+    def _first_rays(self, poses: RowPoses) -> Rays:
+        """Point the set of directions along each row's heading from each row's place."""
+        row = self._row
+        cosine = dr.gather(mi.Float64, mi.Float64(np.cos(poses.yaw)), row)
+        sine = dr.gather(mi.Float64, mi.Float64(np.sin(poses.yaw)), row)
+        # Azimuth is clockwise from ahead: aside points right of the heading.
+        x = cosine * self._forward + sine * self._aside
+        y = sine * self._forward - cosine * self._aside
+        origin = mi.Point3d(dr.gather(mi.Vector3d, mi.Float64(poses.position.ravel()), row))
+        direction = mi.Vector3d(x, y, self._up)
+        return Rays(
+            origin=origin,
+            direction=direction,
+            travelled=dr.zeros(mi.Float64, dr.width(row)),
+            weight=dr.full(mi.Float, 1, dr.width(row)),
+            row=row,
+            density=self._density,
+            gain=self._gain,
+            start=origin,
+            heading=direction,
+        )
+
+    def _meet(self, world: World, rays: Rays) -> Hits:
+        """Intersect rays with the world as far as the sensor can hear."""
+        reach = self._sensor.range_m * 1.02 - mi.Float(rays.travelled)
+        hits = world.meet(rays.origin, rays.direction, rays.row, reach, mi.Bool(reach > 0))
+        dr.eval(rays, hits)
+        return hits
+
+    def _first_obstacle(self, hits: Hits) -> NDArray[np.float32]:
+        """Return, by row, the distance of the nearest hit in the main beam that is no ground [m]."""
+        counted = self._in_beam & hits.active.numpy() & self._obstacle[hits.instance.numpy()]
+        distance = np.where(counted, hits.distance.numpy(), np.inf)
+        return distance.reshape(self._sensor.azimuths, -1).min(axis=1).astype(np.float32)
+
+    def _loops(self, world: World, rays: Rays, hits: Hits, poses: RowPoses, *, depth: int) -> ReturnPaths:
+        """Return the loop returns of hits that would be heard and that see the radar."""
+        sensor = mi.Point3d(dr.gather(mi.Vector3d, mi.Float64(poses.position.ravel()), rays.row))
+        loops = self._scatterer.loop(rays, hits, sensor, depth=depth)
+        index = dr.compress(loops.power * self._hearing.loop_gain(loops) > self._floor_w)
+        loops = picked(loops, index)
+        place, normal, sensor = (
+            dr.gather(type(array), array, index) for array in (hits.place, hits.normal, sensor)
+        )
+        start = place + normal * 1e-3
+        way = sensor - start
+        length = dr.norm(way)
+        hidden = world.blocked(start, way / length, loops.row, mi.Float(length), dr.full(mi.Bool, True, len(index)))
+        return picked(loops, dr.compress(~hidden))
+
+    def _onward(self, rays: Rays, hits: Hits) -> Rays:
+        """Return the mirrored rays that could still be heard off a perfect reflector facing them."""
+        onward = self._scatterer.mirrored(rays, hits)
+        # A facing mirror of waviness 0.01 has a BRDF of some 400 / sr; nothing in the material table exceeds 4000.
+        bound = link_w_m2(self._sensor) * rays.gain * onward.weight * 4000 / rays.density
+        bound /= dr.square(mi.Float(onward.travelled))
+        return picked(onward, dr.compress(bound > self._floor_w))
+
+
+def _gathered(heard: list[tuple[ReturnPaths, Heard]], first_m: NDArray[np.float32]) -> Echoes:
+    """Bring all echoes and what they come from into NumPy arrays."""
+    sources, start = [], 0
+    for paths, part in heard:
+        sources.append(part.source + np.uint32(start))
+        start += dr.width(paths.row)
+    returns = Returns(
+        bounces=_joined([np.full(dr.width(paths.row), paths.bounces, np.uint8) for paths, _ in heard], np.uint8),
+        instance=_joined([paths.instance.numpy() for paths, _ in heard], np.uint32),
+        material=_joined([paths.material.numpy().astype(np.uint8) for paths, _ in heard], np.uint8),
+        moving=_joined([paths.moving.numpy() for paths, _ in heard], np.bool_),
+    )
+    return Echoes(
+        row=_joined([part.row for _, part in heard], np.int32),
+        range_m=_joined([part.range_m for _, part in heard], np.float64),
+        amplitude=_joined([part.amplitude for _, part in heard], np.complex64),
+        mean_power=_joined([part.mean_power for _, part in heard], np.float32),
+        source=_joined(sources, np.uint32),
+        sidelobe=_joined([part.sidelobe for _, part in heard], np.bool_),
+        closing_mps=_joined([part.closing_mps for _, part in heard], np.float32),
+        returns=returns,
+        first_m=first_m,
+    )
+
+
+def _joined(parts: list[NDArray], dtype: type) -> NDArray:
+    return np.concatenate(parts) if parts else np.empty(0, dtype)
