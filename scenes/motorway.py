@@ -84,6 +84,8 @@ def _carriageway(book: LaneBook, middle: Line, rng: np.random.Generator) -> list
     for before, after in zip(sections[:-1], sections[1:], strict=True):
         for place in (0, 1):
             book.join(before[place], after[place])
+    for before, after, place in ((0, 2, 0), (0, 2, 1), (2, 4, 0), (2, 4, 1)):  # changes of lane
+        book.connect(sections[before][place], sections[after][1 - place], junction=1 + before // 2)
     _slip(book, middle, (leave, join), sections)
     return sections
 

@@ -60,6 +60,8 @@ def ground_plan(network: Network, roads: RoadGraph, room: Room, *, margin_m: flo
     corridor = _rounded(shapely.union_all([*paved, carriageway.buffer(narrowest)]), 3.0)
     outer = shapely.union_all([Polygon(p.exterior) for p in polygons(corridor)])
     land = outer.buffer(margin_m) if margin_m else box(-500.0, -500.0, 500.0, 500.0)
+    if margin_m > 100.0:
+        land = box(*land.bounds)
     land = shapely.union_all([Polygon(p.exterior) for p in polygons(land.simplify(0.5))])
     streets, crossings = _pieces(network, room, carriageway)
     return Ground(carriageway=carriageway, corridor=corridor, land=land, streets=streets, crossings=crossings)

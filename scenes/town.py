@@ -14,7 +14,7 @@ from echoscape.scenes.dressing import dress_streets
 from echoscape.scenes.furniture import furniture_prototypes
 from echoscape.scenes.greenery import tree_prototypes
 from echoscape.scenes.growth import grown_network
-from echoscape.scenes.lanes import road_graph
+from echoscape.scenes.lanes import Room, road_graph
 from echoscape.scenes.motorway import motorway
 from echoscape.scenes.presets import PRESETS, Preset
 from echoscape.scenes.roads import RoadGraph
@@ -48,10 +48,16 @@ def build_town(preset: str = "town", *, seed: int) -> Town:
     )
 
 
-def _streets(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
-    """Lay streets and put everything on and beside them."""
+def road_network(settings: Preset, *, seed: int) -> tuple[Network, RoadGraph, Room]:
+    """Return the streets of a preset without a motorway, their lanes, and how far streets are cut back."""
     network = _network(settings, np.random.default_rng(_stage(seed, 0)))
     roads, room = road_graph(network)
+    return network, roads, room
+
+
+def _streets(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
+    """Lay streets and put everything on and beside them."""
+    network, roads, room = road_network(settings, seed=seed)
     ground = ground_plan(network, roads, room, margin_m=settings.margin_m)
     taken = Taken()
     lay_ground(assembly, ground, settings)

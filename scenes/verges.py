@@ -37,7 +37,7 @@ def dress_motorway(assembly: Assembly, taken: Taken, way: Motorway, *, rng: np.r
     for side in (-1.0, 1.0):
         _noise_walls(assembly, taken, way, side)
     _lamps(assembly, way, rng)
-    scatter(assembly, taken, way.ground, spacing_m=26.0, clear_m=7.0, rng=rng)
+    scatter(assembly, taken, way.ground, spacing_m=34.0, clear_m=7.0, rng=rng)
 
 
 def dress_country(
