@@ -1,0 +1,194 @@
+"""One scan from a town, a drive and its movers: the door to the simulator.
+
+    simulator = Simulator(town, drive, movers, seed=7)
+    scan = simulator.scan(0)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.scenes.trajectory import Trajectory
+from echoscape.scenes.world import CLASSES, Mover, Town
+from echoscape.sim.artefacts import Artefacts
+from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.echoes import Echoes
+from echoscape.sim.motion import Turn, mover_states, row_poses, turns
+from echoscape.sim.quantiser import codes
+from echoscape.sim.receiver import receive
+from echoscape.sim.sensor import Sensor
+from echoscape.sim.town_scene import TownScene
+from echoscape.sim.trace import Tracer, TraceSettings
+from echoscape.sim.truth import CellTruth, Labeller, MoverBoxes, mover_boxes
+from echoscape.sim.waveform import echo_grid
+
+EPOCH_US = 1_700_000_000_000_000
+"""Time stamp of a drive's start [us since 1970]; simulated drives all begin then."""
+
+_STAGES = {"turns": 2, "noise": 3, "phase_noise": 4}
+
+
+class HasTrajectory(Protocol):
+    """A drive, or anything else with a trajectory."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion of the car that carries the radar."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanTruth:
+    """The truth of one scan.
+
+    cells: by cell; pose (azimuths, 4) float64: x, y, z [m], yaw [rad] of the car in the world at each row;
+    middle_pose (4,): the same at `middle_us`, the time that odometry refers to; saturated (azimuths,) bool;
+    first_m (azimuths,) float32: distance of the first thing in the beam that is no ground [m], inf if none;
+    boxes: the movers near the radar at mid-scan.
+    """
+
+    cells: CellTruth
+    pose: NDArray[np.float64]
+    middle_pose: NDArray[np.float64]
+    middle_us: int
+    saturated: NDArray[np.bool_]
+    first_m: NDArray[np.float32]
+    boxes: MoverBoxes
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolarScan:
+    """A scan as the sensor writes it, with its truth where it is known.
+
+    codes (azimuths, bins) uint8: half decibels; timestamp_us (azimuths,) int64; encoder (azimuths,) uint16;
+    valid (azimuths,) bool; bin_m: range step [m]. Row i looks along azimuth 2 pi i / azimuths, clockwise from
+    straight ahead; bin k is centred at (k + 1/2) bin_m.
+    """
+
+    codes: NDArray[np.uint8]
+    timestamp_us: NDArray[np.int64]
+    encoder: NDArray[np.uint16]
+    valid: NDArray[np.bool_]
+    bin_m: float
+    truth: ScanTruth | None = None
+
+
+class Simulator:
+    """Makes the scans of a drive through a town, any of them, in any order, with the same bytes."""
+
+    def __init__(
+        self,
+        town: Town,
+        drive: HasTrajectory,
+        movers: Sequence[Mover] = (),
+        *,
+        seed: int,
+        sensor: Sensor = CTS350X,
+        settings: TraceSettings | None = None,
+        artefacts: Artefacts | None = None,
+    ) -> None:
+        """`seed` decides rays, speckle and noise; town, drive and movers come with their own."""
+        if seed < 0:
+            raise ValueError(f"seed must be 0 or more, got {seed}")
+        self.sensor = sensor
+        self.artefacts = artefacts or Artefacts()
+        self._seed = seed
+        self._track = drive.trajectory
+        self._movers = tuple(movers) if self.artefacts.movers else ()
+        self.instance_class = _instance_classes(town, movers)
+        settings = settings or TraceSettings()
+        if not self.artefacts.ghosts:
+            settings = TraceSettings(rays=settings.rays, max_bounces=1, floor_db=settings.floor_db)
+        self._tracer = Tracer(
+            TownScene(town, self._movers),
+            sensor,
+            settings,
+            instance_class=self.instance_class,
+            seed=seed,
+            speckle=self.artefacts.speckle,
+            doppler=self.artefacts.doppler,
+        )
+        self._labeller = Labeller(sensor, self.instance_class)
+        self._turns: list[Turn] = []
+
+    def _rng(self, scan: int, stage: str) -> np.random.Generator:
+        return np.random.default_rng(np.random.SeedSequence([self._seed, scan, _STAGES[stage]]))
+
+    def turn(self, index: int) -> Turn:
+        """Return the times of scan `index`.
+
+        Raises:
+            ValueError: `index` is negative.
+        """
+        if index < 0:
+            raise ValueError(f"index must be 0 or more, got {index}")
+        if index >= len(self._turns):
+            count = max(64, 2 * index)
+            self._turns = turns(self.sensor, scans=count, rng=self._rng(0, "turns"))
+        return self._turns[index]
+
+    def echoes(self, index: int) -> Echoes:
+        """Trace scan `index` and return its echoes, before the receiver."""
+        turn, distortion = self.turn(index), self.artefacts.motion_distortion
+        poses = row_poses(self._track, turn, height_m=self.sensor.mount_height_m, distortion=distortion)
+        traced = self._tracer.trace(poses, self._states(turn))
+        return traced if self.artefacts.sidelobes else traced.select(~traced.sidelobe)
+
+    def scan(self, index: int) -> PolarScan:
+        """Make scan `index` with its truth."""
+        turn, sensor = self.turn(index), self.sensor
+        echoes = self.echoes(index)
+        received = receive(
+            echo_grid(echoes, sensor),
+            sensor,
+            self.artefacts,
+            noise_rng=self._rng(index, "noise"),
+            phase_rng=self._rng(index, "phase_noise"),
+        )
+        middle = turn.middle_s
+        truth = ScanTruth(
+            cells=self._labeller.label(echoes, received, leakage=self.artefacts.leakage),
+            pose=self._track.pose(turn.times_s),
+            middle_pose=self._track.pose(np.float64(middle)),
+            middle_us=EPOCH_US + round(middle * 1e6),
+            saturated=received.saturated,
+            first_m=echoes.first_m,
+            boxes=mover_boxes(self._states(turn)),
+        )
+        return PolarScan(
+            codes=codes(received.power),
+            timestamp_us=EPOCH_US + np.rint(turn.times_s * 1e6).astype(np.int64),
+            encoder=_encoder(sensor),
+            valid=np.ones(sensor.azimuths, np.bool_),
+            bin_m=sensor.bin_m,
+            truth=truth,
+        )
+
+    def _states(self, turn: Turn):  # noqa: ANN202
+        near = self._track.pose(np.float64(turn.middle_s))
+        return mover_states(
+            self._movers,
+            turn,
+            near=near,
+            reach_m=self.sensor.range_m + 10.0,
+            distortion=self.artefacts.motion_distortion,
+        )
+
+
+def _encoder(sensor: Sensor) -> NDArray[np.uint16]:
+    """Return the encoder count of each row."""
+    step = sensor.encoder_per_turn // sensor.azimuths
+    return (sensor.encoder_first + step * np.arange(sensor.azimuths)).astype(np.uint16)
+
+
+def _instance_classes(town: Town, movers: Sequence[Mover]) -> NDArray[np.uint8]:
+    """Return the class id of every instance id, standing or moving."""
+    last = max([len(town.instance_class) - 1, *(mover.instance for mover in movers)])
+    classes = np.zeros(last + 1, np.uint8)
+    classes[: len(town.instance_class)] = town.instance_class
+    for mover in movers:
+        classes[mover.instance] = CLASSES.index(mover.prototype.class_name)
+    return classes
