@@ -1,6 +1,7 @@
 """Which moving boxes touch: the check that nothing drives through anything else.
 
-Boxes on the ground, oriented, tested by separating axes (Gottschalk et al., OBBTree, SIGGRAPH 1996, in the plane).
+Boxes on the ground, oriented, tested by separating axes (Gottschalk et al., OBBTree, SIGGRAPH 1996, in the
+plane).
 """
 
 from collections.abc import Sequence
@@ -18,7 +19,7 @@ EGO = -1
 
 @dataclass(frozen=True, kw_only=True)
 class Overlaps:
-    """Every sample at which two boxes touch: time_s (N,), first and second (N,) place in the list, -1 the ego."""
+    """Every sample at which two boxes touch: time_s (N,); first, second (N,): who, -1 the ego."""
 
     time_s: NDArray[np.float64]
     first: NDArray[np.intp]
@@ -58,7 +59,7 @@ def _near(
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]:
     """Return the fine times and pairs around the coarse times at which two could come to touch."""
     per_coarse = max(round(_COARSE_S / step_s), 1)
-    coarse = step_s * per_coarse * np.arange(int(duration_s / (step_s * per_coarse)) + 2)
+    coarse = step_s * per_coarse * np.arange(int(duration_s / (step_s * per_coarse)) + 2, dtype=np.float64)
     xy = np.stack([track.pose(coarse)[:, :2] for track in tracks], axis=1)  # (C, M, 2)
     moved = np.linalg.norm(np.diff(xy, axis=0), axis=-1).max(axis=0, initial=0.0)
     reach = np.hypot(*extent.T) / 2 + 1.5 * moved + 1.0
@@ -82,7 +83,7 @@ def _poses_of(
     order = np.argsort(who, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(who[order])) + 1):
         if len(rows):
-            pose[rows] = tracks[who[rows[0]]].pose(time[rows])[:, [0, 1, 3]]
+            pose[rows] = tracks[int(who[rows[0]])].pose(time[rows])[:, [0, 1, 3]]
     return pose
 
 

@@ -1,7 +1,7 @@
-"""The radar car's own drive: a route, a smooth path along it, a speed for every moment, and so a pose at any time.
+"""The radar car's own drive: a route, a smooth path along it, a speed, and so a pose at any time.
 
-The car turns as a single-track model does: its rear axle, `rear_axle_m` behind the middle, does not slip, so the
-middle moves slightly sideways in bends (Rajamani, Vehicle Dynamics and Control, 2012, section 2.2).
+The car turns as a single-track model does: its rear axle, `rear_axle_m` behind the middle, does not slip, so
+the middle moves slightly sideways in bends (Rajamani, Vehicle Dynamics and Control, 2012, section 2.2).
 """
 
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 from scipy.signal import lfilter
 
 from echoscape.scenes.path import Path, smooth_path
@@ -32,9 +32,9 @@ _ROUTE, _WANDER, _MOOD, _STOPS, _VIGOUR = range(100, 105)
 class DriveSettings:
     """What a drive is made with.
 
-    `knot_s` is the clock of the trajectory; `corner_m` the sigma that smooths corners; `wander_m` the rms of the
-    sideways wander and `wander_length_m` its slowness; `stop_line_m` the distance of a stopped car's middle from
-    its lane's end; the first stop comes no sooner than `free_start_m`.
+    `knot_s` is the clock of the trajectory; `corner_m` the sigma that smooths corners; `wander_m` the rms of
+    the sideways wander and `wander_length_m` its slowness; `stop_line_m` the distance of a stopped car's
+    middle from its lane's end; the first stop comes no sooner than `free_start_m`.
     """
 
     route: RouteSettings = field(default_factory=RouteSettings)
@@ -44,7 +44,7 @@ class DriveSettings:
     wander_m: float = 0.08
     wander_length_m: float = 12.0
     rear_axle_m: float = 0.9
-    stop_line_m: float = 3.2
+    stop_line_m: float = 4.4
     free_start_m: float = 25.0
 
 
@@ -182,7 +182,8 @@ def _driven(
 def _when(course: CubicHermiteSpline, arc_m: float) -> float:
     """Return the first time [s] at which `course`, which never falls, reaches `arc_m`."""
     late = int(np.argmax(course(course.x) >= arc_m))
-    return float(brentq(lambda time: course(time) - arc_m, course.x[max(late - 1, 0)], course.x[late]))
+    bracket = (course.x[max(late - 1, 0)], course.x[late])
+    return float(root_scalar(lambda time: course(time) - arc_m, bracket=bracket, xtol=1e-12).root)
 
 
 def _on_path(
@@ -204,7 +205,7 @@ def _on_path(
 
 
 def trailing_yaw(path: Path, *, rear_axle_m: float) -> NDArray[np.float64]:
-    """Return the car's yaw (S,) [rad] along `path`: it trails the heading, d yaw / d arc = (heading - yaw) / length.
+    """Return the car's yaw (S,) [rad] along `path`: d yaw / d arc = (heading - yaw) / rear axle's distance.
 
     The single-track model for small slip angles, solved exactly for a heading that is linear between samples.
     """

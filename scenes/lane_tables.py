@@ -1,4 +1,4 @@
-"""What traffic needs to know of the lanes, as arrays: lengths, speeds with the braking before bends, ways on."""
+"""What traffic needs to know of the lanes, as arrays: lengths, speeds with room to brake, ways on."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,8 @@ _TIGHT_M = 9.0
 class LaneTables:
     """The lanes of a road graph as arrays over lane ids (N,).
 
-    length_m; inside: whether within a junction; yields; start_cap_mps: the speed to begin a lane with; tightest_m:
-    the smallest radius; endless: whether one can drive on for ever from there.
+    length_m; inside: whether within a junction; yields; start_cap_mps: the speed to begin a lane with;
+    tightest_m: the smallest radius; endless: whether one can drive on for ever from there.
     """
 
     def __init__(self, roads: RoadGraph) -> None:
@@ -41,11 +41,11 @@ class LaneTables:
         return self._caps[self._offset[lane] + index]
 
     def choose(self, lane: int, *, long: bool, rng: np.random.Generator) -> int:
-        """Draw what to drive after `lane`; u-turns only where nothing else goes on, tight bends not if `long`."""
+        """Draw what to drive after `lane`: no u-turns where there is more, no tight bends if `long`."""
         options = [after for after in self.lanes[lane].successors if self.endless[after]]
         ahead = [option for option in options if self.lanes[option].kind != "u_turn"] or options
-        wide = [option for option in ahead if self.tightest_m[option] > _TIGHT_M] if long else ahead
-        ahead = wide or ahead
+        if long and not self.inside[lane]:
+            ahead = [option for option in ahead if self.tightest_m[option] > _TIGHT_M] or ahead
         return ahead[int(rng.integers(len(ahead)))]
 
 

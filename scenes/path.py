@@ -21,8 +21,8 @@ _TRUNCATE = 4.0
 class Path:
     """S samples `step_m` apart in arc length.
 
-    xy (S, 2) [m]; heading (S,) unwrapped [rad]; curvature (S,) [1/m], left positive; travel_m (S,) the distance
-    along the lanes' own centre lines, from the beginning of the first.
+    xy (S, 2) [m]; heading (S,) unwrapped [rad]; curvature (S,) [1/m], left positive; travel_m (S,) the
+    distance along the lanes' own centre lines, from the beginning of the first.
     """
 
     step_m: float
@@ -76,8 +76,8 @@ def smooth_path(
 ) -> Path:
     """Return the path along `lanes` that starts `from_m` into the first.
 
-    `sigma_m` smooths corners; `wander_m` is the rms of the sideways wander, `wander_length_m` the sigma of the
-    Gaussian that makes it slow.
+    `sigma_m` smooths corners; `wander_m` is the rms of the sideways wander, `wander_length_m` the sigma of
+    the Gaussian that makes it slow.
     """
     travel, line = joined_line(lanes, step_m=step_m)
     step = travel[1]

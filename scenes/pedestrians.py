@@ -1,6 +1,7 @@
 """People on the pavements: up one side of their walking line and down the other, round and round.
 
-All on one line keep one pace and keep to the right, so that they pass one another and never run into one another.
+All on one line keep one pace and keep to the right, so that they pass one another and never run into one
+another.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ _APART_M = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Round:
-    """A closed way along a walking line and back: `arc_m` (S,) and `xy` (S, 2) [m], the last point the first."""
+    """A closed way along a walking line and back: `arc_m` (S,), `xy` (S, 2) [m], ending where it begins."""
 
     arc_m: NDArray[np.float64]
     xy: NDArray[np.float64]
@@ -53,13 +54,7 @@ def pedestrian_track(way: Round, *, start_m: float, pace_mps: float, duration_s:
     around = way.arc_m[-1]
     at = start_m + pace_mps * time
     xy, tangent, bend = (spline(at % around, nu=order) for order in (0, 1, 2))
-    # One time round turns the heading by a whole turn to the right or left; unwrapping needs small steps.
-    fine = np.concatenate([way.arc_m[:-1] + turn * around for turn in range(int(at[-1] // around) + 2)])
-    slope = spline(way.arc_m[:-1], nu=1)
-    heading = np.unwrap(np.tile(np.arctan2(slope[:, 1], slope[:, 0]), int(at[-1] // around) + 2))
-    near = np.interp(at, fine, heading)
-    yaw = np.arctan2(tangent[:, 1], tangent[:, 0])
-    yaw += 2 * np.pi * np.round((near - yaw) / (2 * np.pi))
+    yaw = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))  # a knot turns by 1.1 rad at most
     yaw_rate = (tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]) / np.sum(tangent**2, axis=-1)
     height = np.full_like(time, PAVEMENT_M)
     state = np.stack([*xy.T, height, yaw], axis=-1)
@@ -81,7 +76,10 @@ def pedestrian_tracks(
     for place in rng.choice(len(rounds), size=count, p=length / length.sum()):
         start = float(rng.uniform(0, length[place]))
         others = taken.setdefault(int(place), [])
-        if any(abs((start - other + length[place] / 2) % length[place] - length[place] / 2) < _APART_M for other in others):
+        if any(
+            abs((start - other + length[place] / 2) % length[place] - length[place] / 2) < _APART_M
+            for other in others
+        ):
             continue
         others.append(start)
         tracks.append(

@@ -1,7 +1,7 @@
 """A walk on the lane graph: which lanes a car takes, one after the other.
 
-Wandering to little-driven streets alternates with returns that follow earlier stretches forwards or backwards,
-so that a long drive sees the same places again from both directions.
+Wandering to little-driven streets alternates with returns that follow earlier stretches forwards or
+backwards, so that a long drive sees the same places again from both directions.
 """
 
 from dataclasses import dataclass
@@ -24,8 +24,8 @@ _MIN_START_LANE_M = 40.0
 class RouteSettings:
     """How a route mixes new streets with known ones.
 
-    `revisit_share` of the street length is steered to be known ground; a return follows `retrace_m` of the old
-    course on average, an excursion lasts `explore_m`; a u-turn is due after `u_turn_every_m`.
+    `revisit_share` of the street length is steered to be known ground; a return follows `retrace_m` of the
+    old course on average, an excursion lasts `explore_m`; a u-turn is due after `u_turn_every_m`.
     """
 
     revisit_share: float = 0.45
@@ -80,7 +80,7 @@ def plan_route(
 
 
 class LaneNetwork:
-    """The lane graph as tables: lengths (N,) [m], the turn angle (N,) [rad], and what can be driven for ever."""
+    """The lane graph as tables: lengths (N,) [m], turn angles (N,) [rad], and what can be driven for ever."""
 
     def __init__(self, roads: RoadGraph) -> None:
         """Tabulate `roads`."""
@@ -195,7 +195,11 @@ class _Walk:
             return 0.003
         driven = self.visits[lane_id] + min((self.visits[after] for after in lane.successors), default=0.0)
         just_now = 0.02 if lane_id in self.lanes[-12:] else 1.0
-        return just_now * float(np.exp(-_STRAIGHT_LIKING * abs(self.network.turn_rad[lane_id]))) / (1.0 + driven) ** 2
+        return (
+            just_now
+            * float(np.exp(-_STRAIGHT_LIKING * abs(self.network.turn_rad[lane_id])))
+            / (1.0 + driven) ** 2
+        )
 
     def turn_round(self) -> None:
         """Drive to the nearest place for a u-turn and take it; where there is none, forget about it."""

@@ -20,11 +20,12 @@ _TRUNCATE = 4.0
 class SpeedSettings:
     """Habits of the driver; tuned so that long town drives have the measured speeds of the real car.
 
-    `town_cruise_mps` (low, mode, high) is the triangular law of the speed a stretch of mean length `stretch_m` is
-    driven at where the limit is a town's; above `open_limit_mps` the share `open_share` (low, high) of the limit
-    is. Bends are taken at `bend_mps2` (low, high), turned at no more than `yaw_rate_rps` (low, high). A lane's end is stopped
-    at with the chance `stop_chance`, `yield_chance` where it gives way; a stop lasts `stop_s` on average, within
-    `stop_range_s`. Accelerations are drawn a stretch from `speed_up_mps2` and `brake_mps2` (low, high).
+    `town_cruise_mps` (low, mode, high) is the triangular law of the speed a stretch of mean length
+    `stretch_m` is driven at where the limit is a town's; above `open_limit_mps` the share `open_share` (low,
+    high) of the limit is. Bends are taken at `bend_mps2` (low, high), turned at no more than `yaw_rate_rps`
+    (low, high). A lane's end is stopped at with the chance `stop_chance`, `yield_chance` where it gives way;
+    a stop lasts `stop_s` on average, within `stop_range_s`. Accelerations are drawn a stretch from
+    `speed_up_mps2` and `brake_mps2` (low, high).
     """
 
     town_cruise_mps: tuple[float, float, float] = (3.0, 7.8, 10.6)
@@ -33,8 +34,8 @@ class SpeedSettings:
     open_share: tuple[float, float] = (0.8, 1.0)
     bend_mps2: tuple[float, float] = (0.9, 2.0)
     yaw_rate_rps: tuple[float, float] = (0.26, 0.58)
-    stop_chance: float = 0.32
-    yield_chance: float = 0.5
+    stop_chance: float = 0.34
+    yield_chance: float = 0.55
     stop_s: float = 12.0
     stop_range_s: tuple[float, float] = (2.0, 40.0)
     speed_up_mps2: tuple[float, float] = (0.9, 2.7)
@@ -77,7 +78,7 @@ def speed_caps(
     settings: SpeedSettings,
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Return the highest wanted speed (S,) [m/s] along a path of `curvature` (S,) [1/m] and `limit_mps` (S,)."""
+    """Return the highest wanted speed (S,) [m/s] for `curvature` (S,) [1/m] and `limit_mps` (S,)."""
     arc = step_m * np.arange(len(curvature))
     begins, mood = stretches(arc[-1], mean_m=settings.stretch_m, rng=rng)
     place = np.searchsorted(begins, arc, side="right") - 1
@@ -126,7 +127,7 @@ def speed_profile(
 def timing(
     speed_mps: NDArray[np.float64], stops: Stops, *, step_m: float, settings: SpeedSettings, clock_s: float
 ) -> Timing:
-    """Turn a speed profile (S,) over arc length into arc length and speed over time, with the stops' dwells."""
+    """Turn a speed profile (S,) over arc length into arc length and speed over time, stops included."""
     arc = step_m * np.arange(len(speed_mps))
     pace = np.maximum(speed_mps[1:] + speed_mps[:-1], _CRAWL_MPS)
     clock = np.concatenate([[0.0], np.cumsum(2 * step_m / pace)])
@@ -148,7 +149,8 @@ def timing(
 def _smoothed(
     time: NDArray[np.float64], arc: NDArray[np.float64], speed: NDArray[np.float64], *, sigma: float
 ) -> Timing:
-    # Before its first sample the car came at its first speed; the tail, which has no such past, is cut by the caller.
+    # Before its first sample the car came at its first speed; the tail, which has no such past, is cut by
+    # the caller.
     pad = int(np.ceil(_TRUNCATE * sigma))
     lead = arc[0] - speed[0] * time[1] * np.arange(pad, 0, -1)
     arc = gaussian_filter1d(np.concatenate([lead, arc]), sigma, mode="nearest", truncate=_TRUNCATE)[pad:]

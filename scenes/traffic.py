@@ -1,7 +1,7 @@
 """Everybody else on the road: vehicles in the lanes and people on the pavements while the radar car drives.
 
-Vehicles start at free places near the drive, `scenes.flow` moves them, and whoever could not keep clear of the
-others in the end is taken out.
+Vehicles start at free places near the drive, `scenes.flow` moves them, and whoever could not keep clear of
+the others in the end is taken out.
 """
 
 import logging
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from echoscape.scenes.collisions import EGO, overlaps
 from echoscape.scenes.drive import EGO_EXTENT_M, Drive
@@ -28,6 +28,7 @@ _LOG = logging.getLogger(__name__)
 _SHARES = {"car": 0.64, "van": 0.13, "truck": 0.05, "bus": 0.05, "cyclist": 0.13}
 _TOP_MPS = {"car": 40.0, "van": 38.0, "truck": 24.0, "bus": 22.0, "cyclist": 6.5}
 _PLACE, _KIND, _WAY, _WALK = range(200, 204)
+_FAST_MPS = 17.0
 _SAMPLE_M = 0.5
 _CORNER_M = 1.0
 _APART_M = 14.0
@@ -89,9 +90,12 @@ def _passed(drive: Drive) -> NDArray[np.float64]:
 
 def _near_km2(passed: NDArray[np.float64], near_m: float) -> float:
     """Return the area [km2] within `near_m` of the places `passed`."""
-    axes = [np.arange(low - near_m, high + near_m, _CELL_M) for low, high in zip(passed.min(0), passed.max(0), strict=True)]
+    axes = [
+        np.arange(low - near_m, high + near_m, _CELL_M)
+        for low, high in zip(passed.min(0), passed.max(0), strict=True)
+    ]
     cells = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    distance, _ = cKDTree(passed).query(cells, distance_upper_bound=near_m)
+    distance, _ = KDTree(passed).query(cells, distance_upper_bound=near_m)
     return float(np.isfinite(distance).sum() * _CELL_M**2 / 1e6)
 
 
@@ -108,7 +112,8 @@ def _drivers(
 ) -> list[tuple[Prototype, Trajectory]]:
     passed = _passed(drive)
     count = round(settings.vehicles_per_km2 * _near_km2(passed, settings.near_m))
-    names = [name for name in _SHARES if name in kinds]
+    fast = np.median([lane.speed_limit_mps for lane in roads.lanes if lane.kind == "street"]) > _FAST_MPS
+    names = [name for name in _SHARES if name in kinds and not (fast and name == "cyclist")]
     places = _free_places(roads, drive, passed, count, near_m=settings.near_m, rng=_stage_rng(seed, _PLACE))
     if not names or not len(places):
         return []
@@ -158,7 +163,7 @@ def _free_places(
             points = lane.centre[np.linspace(0, len(lane.centre) - 1, len(along) + 2).astype(int)[1:-1]]
             rows.append(np.column_stack([np.full(len(along), lane.id), along, points]))
     places = np.concatenate(rows)
-    distance, _ = cKDTree(passed).query(places[:, 2:], distance_upper_bound=near_m)
+    distance, _ = KDTree(passed).query(places[:, 2:], distance_upper_bound=near_m)
     start = drive.pose(np.zeros(1))[0, :2]
     clear = np.isfinite(distance) & (np.linalg.norm(places[:, 2:] - start, axis=-1) > 2 * _APART_M)
     places = rng.permutation(places[clear])
@@ -180,7 +185,7 @@ def vehicle_track(
     *,
     length_m: float,
 ) -> Trajectory:
-    """Put a vehicle of `length_m` on the centre lines of `lanes`: both its axles on the path, middle between them."""
+    """Put a vehicle of `length_m` on its `lanes`: both axles on the centre line, its middle between them."""
     used = np.cumsum([0.0, *(roads.lanes[lane].length_m for lane in lanes)])
     count = int(np.searchsorted(used, travel_m[-1] + length_m)) + 1
     uniform, line = joined_line([roads.lanes[lane] for lane in lanes[:count]], step_m=_SAMPLE_M)
@@ -208,8 +213,12 @@ def _walkers(
     if "pedestrian" not in kinds or not roads.walks:
         return []
     passed = _passed(drive)
-    tree = cKDTree(passed)
-    near = tuple(walk for walk in roads.walks if np.isfinite(tree.query(walk, distance_upper_bound=settings.near_m)[0]).any())
+    tree = KDTree(passed)
+    near = tuple(
+        walk
+        for walk in roads.walks
+        if np.isfinite(tree.query(walk, distance_upper_bound=settings.near_m)[0]).any()
+    )
     count = round(settings.pedestrians_per_km2 * _near_km2(passed, settings.near_m))
     rng = _stage_rng(seed, _WALK)
     tracks = pedestrian_tracks(near, count, duration_s=drive.duration_s, rng=rng)

@@ -25,14 +25,14 @@ def _bezier(
     reach = 0.55 * np.linalg.norm(end - start) if out @ into > -0.5 else 7.0
     share = np.linspace(0, 1, 60)[:, None]
     points = [start, start + reach * out, end - reach * into, end]
-    return sum(
-        (factor * (1 - share) ** (3 - power) * share**power * point)
-        for power, (factor, point) in enumerate(zip((1, 3, 3, 1), points, strict=True))
-    )
+    weights = [
+        factor * (1 - share) ** (3 - power) * share**power for power, factor in enumerate((1, 3, 3, 1))
+    ]
+    return np.sum([weight * point for weight, point in zip(weights, points, strict=True)], axis=0)
 
 
 def block_town(size: int = 3, spacing_m: float = 90.0, limit_mps: float = 13.4) -> RoadGraph:
-    """Return a square grid of `size` x `size` junctions: all turns, and u-turns at the corners of the grid."""
+    """Return a square grid of `size` x `size` junctions: all turns, and u-turns at the grid's corners."""
     junctions = spacing_m * np.stack(np.meshgrid(np.arange(size), np.arange(size)), -1).reshape(-1, 2)
     steps = [np.array(step) for step in ((1, 0), (0, 1), (-1, 0), (0, -1))]
     streets: list[tuple[int, int, NDArray[np.float64], NDArray[np.float64]]] = []
