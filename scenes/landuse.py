@@ -109,7 +109,7 @@ def _build_up(
 ) -> None:
     sides = sorted(frontages(plot.block, ground.corridor), key=lambda side: -len(side))
     if plot.block.interiors:  # the town's edge: not all of it is built on
-        sides = [side for side in sides if rng.random() < 0.5]
+        sides = [side for side in sides if rng.random() < 0.35]
     kinds = [_side_use(side, use, avenues) for side in sides]
     gardens: list[tuple[Polygon, str]] = []
     for side, kind in zip(sides, kinds, strict=True):

@@ -43,13 +43,13 @@ class LotRule:
 RULES: dict[str, LotRule] = {
     "terrace": LotRule(
         style="terrace",
-        width_m=(8.0, 13.5),
+        width_m=(9.0, 15.0),
         depth_m=(8.5, 11.0),
         height_m=(5.4, 9.0),
         setback_m=(0.8, 3.2),
         gap=0.07,
         row=7,
-        front=("wall", "wall", "railing", "hedge", ""),
+        front=("wall", "wall", "wall", "railing", "hedge", "hedge", ""),
         back=0.35,
     ),
     "shops": LotRule(
@@ -63,12 +63,12 @@ RULES: dict[str, LotRule] = {
     ),
     "houses": LotRule(
         style="house",
-        width_m=(12.0, 18.0),
+        width_m=(13.0, 20.0),
         depth_m=(8.0, 10.0),
         height_m=(4.8, 6.0),
         setback_m=(4.5, 7.0),
-        side_m=(1.5, 3.2),
-        gap=0.05,
+        side_m=(1.5, 3.8),
+        gap=0.3,
         row=3,
         front=("hedge", "hedge", "wall", "boards", ""),
         back=0.5,
@@ -215,16 +215,16 @@ def bound_gardens(
     assembly: Assembly, gardens: list[Polygon], rule: LotRule, plot: Plot, *, rng: np.random.Generator
 ) -> None:
     """Fence gardens off from each other; what is fenced already, or is built on, is left out."""
-    done: BaseGeometry = LineString()
+    done: BaseGeometry = Polygon()
     for garden in gardens:
         if rng.random() >= rule.back:
             continue
         blocked = shapely.union_all([other.buffer(0.35) for other in plot.taken.near(garden.buffer(1.0))])
         lines = garden.exterior.simplify(0.3).difference(blocked).difference(done.buffer(0.6))
-        kind = str(rng.choice(["wall", "wall", "wall", "boards", "hedge"]))
+        kind = str(rng.choice(["wall"] * 6 + ["hedge"] * 2 + ["boards"]))
         for line in _runs(lines):
             put_boundary(assembly, line, kind, plot, rng=rng, height_m=float(rng.uniform(1.5, 1.9)))
-        done = shapely.union_all([done, *_runs(lines)])
+        done = shapely.union_all([done, garden])
 
 
 def _runs(shape: BaseGeometry) -> list[LineString]:

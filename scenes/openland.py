@@ -10,6 +10,7 @@ from echoscape.scenes.curves import Line, arc_length, headings, points_at, resam
 from echoscape.scenes.lots import Plot, put_boundary, put_vehicle
 
 CARS: tuple[str, ...] = ("car_hatchback", "car_saloon", "car_estate", "car_suv", "van_small")
+_MOST_CARS = 50
 PARK_TREES: tuple[str, ...] = ("tree_broadleaf", "tree_tall", "tree_spreading", "tree_conifer", "tree_shrub")
 
 
@@ -23,7 +24,7 @@ def lay_park(assembly: Assembly, plot: Plot, *, rng: np.random.Generator) -> Non
             line = LineString(points_at(rim, np.linspace(place, stop, 8)))
             put_boundary(assembly, line, kind, plot, rng=rng, height_m=1.2)
             place = stop + rng.uniform(2.0, 4.0)
-    scatter_trees(assembly, plot, spacing_m=13.0, names=PARK_TREES, rng=rng)
+    scatter_trees(assembly, plot, spacing_m=15.0, names=PARK_TREES, rng=rng)
     _furnish(assembly, plot, inset_m=5.0, spacing_m=40.0, names=("bench", "bin_round"), rng=rng)
 
 
@@ -44,6 +45,7 @@ def lay_car_park(
     if inside.is_empty:
         return
     origin, along, across, size = _frame(inside)
+    taken_share = min(taken_share, _MOST_CARS * 20.0 / inside.area)  # a car and its aisle need some 20 m2
     for row, y in enumerate(np.arange(4.0, size[1] - 3.0, 8.2)):
         for x in np.arange(3.0, size[0] - 3.0, 2.6):
             place = origin + x * along + y * across
@@ -75,7 +77,7 @@ def lay_yard(assembly: Assembly, plot: Plot, *, rng: np.random.Generator, densit
             name = str(rng.choice(names, p=[0.28, 0.22, 0.16, 0.08, 0.14, 0.12]))
             length, width, height = assembly[name].extent_m
             shape = rectangle(place, yaw, length + 1.0, width + 0.6)
-            if rng.random() < 0.5 * density and inside.contains(shape) and plot.taken.claim(shape):
+            if rng.random() < 0.3 * density and inside.contains(shape) and plot.taken.claim(shape):
                 assembly.place(name, place, base_m=plot.base_m, yaw_rad=yaw)
                 if name.startswith("container") and rng.random() < 0.4:
                     assembly.place(name, place, base_m=plot.base_m + height, yaw_rad=yaw)

@@ -28,10 +28,10 @@ class Preset:
     uses: tuple[tuple[Use, float], ...] = ()
     kerb_height_m: float = 0.12
     margin_m: float = 60.0
-    parked: float = 0.25
+    parked: float = 0.22
     trucks: float = 0.05
-    street_trees: float = 0.35
-    lamps_m: float = 38.0
+    street_trees: float = 0.28
+    lamps_m: float = 42.0
 
 
 PRESETS: dict[str, Preset] = {
@@ -42,11 +42,12 @@ PRESETS: dict[str, Preset] = {
             layout="grown",
             growth=Growth(),
             uses=(
-                ("terrace", 0.58),
+                ("terrace", 0.54),
                 ("houses", 0.12),
                 ("flats", 0.12),
                 ("shops", 0.08),
-                ("car_park", 0.05),
+                ("car_park", 0.06),
+                ("park", 0.05),
                 ("works", 0.05),
             ),
         ),
@@ -65,8 +66,8 @@ PRESETS: dict[str, Preset] = {
                 types=(STREET, STREET, ESTATE, PLAIN, ESTATE, NARROW),
             ),
             uses=(("houses", 0.86), ("terrace", 0.05), ("flats", 0.04), ("car_park", 0.05)),
-            parked=0.3,
-            street_trees=0.35,
+            parked=0.2,
+            street_trees=0.22,
             lamps_m=38.0,
         ),
         Preset(

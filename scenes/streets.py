@@ -101,7 +101,7 @@ class Growth:
     """
 
     half_size_m: tuple[float, float] = (590.0, 560.0)
-    block_m2: float = 14000.0
+    block_m2: float = 15500.0
     swirl_rad: float = 0.6
     shear: float = 0.35
     wave_m: float = 600.0

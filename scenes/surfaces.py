@@ -118,6 +118,9 @@ def flat(shape: BaseGeometry, height_m: float) -> Mesh | None:
     if not triangles:
         return None
     corners = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
+    edges = np.diff(corners.astype(np.float32).astype(np.float64), axis=1)
+    double_area = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
+    corners = corners[double_area > 1e-3]  # thinner ones have no sound normal in single precision
     raised = np.concatenate([corners, np.full((*corners.shape[:2], 1), height_m)], axis=-1)
     faces = np.arange(corners.shape[0] * 3, dtype=np.uint32).reshape(-1, 3)
     return Mesh(vertices=raised.reshape(-1, 3).astype(np.float32), faces=faces)
