@@ -68,7 +68,7 @@ class EgoCourse:
         return coming[coming.index(lane) :] if lane in coming else []
 
     def later(self, now: int) -> tuple[float, float]:
-        """Return how far the car gets [m] in the time that others must be ahead of it, and its speed then [m/s]."""
+        """Return how far [m] the car gets while others must be ahead of it, and its speed then [m/s]."""
         then = now + self._later
         return float(self._travel_m[then] - self._travel_m[now]), float(self.speed_mps[then])
 

@@ -33,7 +33,7 @@ _LONG_M, _WIDE_M = 7.0, 9.0
 class Fleet:
     """M vehicles at the start: lane (M,), station_m (M,) along it, length_m (M,), top_mps (M,), zeal (M,).
 
-    `zeal` is the share of the lanes' speed that a driver goes at.
+    `zeal` is the share of the lanes' speed that a driver goes at; `liking` (N,) weighs the lanes to turn to.
     """
 
     lane: NDArray[np.intp]
@@ -41,6 +41,7 @@ class Fleet:
     length_m: NDArray[np.float64]
     top_mps: NDArray[np.float64]
     zeal: NDArray[np.float64]
+    liking: NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,10 +193,9 @@ class _Flow:
     def _plan(self, vehicle: int) -> None:
         """Extend the lanes ahead of `vehicle` up to a street beyond the next junction."""
         ahead = self.ahead[vehicle]
+        long = bool(self.length[vehicle] > _LONG_M)
         while len(ahead) < _AHEAD or self.tables.inside[ahead[-1]]:
-            ahead.append(
-                self.tables.choose(ahead[-1], long=bool(self.length[vehicle] > _LONG_M), rng=self.rng)
-            )
+            ahead.append(self.tables.choose(ahead, liking=self.fleet.liking, long=long, rng=self.rng))
         self.queue[vehicle] = ahead[:_AHEAD]
 
     def _change_lanes(self) -> None:

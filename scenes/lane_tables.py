@@ -40,13 +40,24 @@ class LaneTables:
         index = np.minimum((station_m / _GRID_M).astype(np.intp), self._last[lane])
         return self._caps[self._offset[lane] + index]
 
-    def choose(self, lane: int, *, long: bool, rng: np.random.Generator) -> int:
-        """Draw what to drive after `lane`: no u-turns where there is more, no tight bends if `long`."""
+    def choose(
+        self, planned: list[int], *, liking: NDArray[np.float64], long: bool, rng: np.random.Generator
+    ) -> int:
+        """Draw what follows the lanes `planned`: u-turns only at dead ends, no tight bends if `long`.
+
+        `liking` (N,) > 0 weighs the lanes.
+        """
+        lane = planned[-1]
         options = [after for after in self.lanes[lane].successors if self.endless[after]]
         ahead = [option for option in options if self.lanes[option].kind != "u_turn"] or options
         if long and not self.inside[lane]:
             ahead = [option for option in ahead if self.tightest_m[option] > _TIGHT_M] or ahead
-        return ahead[int(rng.integers(len(ahead)))]
+        if self.inside[lane]:  # leave a roundabout before it closes
+            ahead = [
+                option for option in ahead if not set(self.lanes[option].successors) & set(planned)
+            ] or ahead
+        weight = liking[ahead]
+        return ahead[int(rng.choice(len(ahead), p=weight / weight.sum()))]
 
 
 def _lane_caps(lane: Lane) -> tuple[NDArray[np.float64], float]:

@@ -1,4 +1,4 @@
-"""People on the pavements: up one side of their walking line and down the other, round and round.
+"""People on the pavements: round their block, or up and down their walking line, over and over.
 
 All on one line keep one pace and keep to the right, so that they pass one another and never run into one
 another.
@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 
+from echoscape.scenes.path import smoothed_line
 from echoscape.scenes.trajectory import Trajectory
 
 PACE_MPS = (0.8, 1.8)
@@ -19,6 +21,8 @@ ASIDE_M = 0.4
 _STEP_M = 0.1
 _KNOT_S = 0.25
 _SHORTEST_M = 4.0
+_CLOSED_M = 1.0
+_CORNER_M = 0.5
 _APART_M = 2.0
 
 
@@ -30,20 +34,42 @@ class Round:
     xy: NDArray[np.float64]
 
 
-def walking_round(walk: NDArray[np.float64], *, aside_m: float = ASIDE_M) -> Round:
-    """Return the way along `walk` (P, 2) [m], `aside_m` to the right of it in either direction."""
+def walking_rounds(walk: NDArray[np.float64], *, aside_m: float = ASIDE_M) -> list[Round]:
+    """Return the ways along `walk` (P, 2) [m], `aside_m` to the right of it in either direction.
+
+    A closed line, as round a block, has two, clockwise and back; an open one has one, up and down.
+    """
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(walk, axis=0).T))])
-    at = np.linspace(aside_m, arc[-1] - aside_m, max(int(arc[-1] / _STEP_M), 2))
+    closed = bool(np.hypot(*(walk[-1] - walk[0])) < _CLOSED_M)
+    spare = 0.0 if closed else aside_m  # room to turn round in
+    at = np.linspace(spare, arc[-1] - spare, max(int(arc[-1] / _STEP_M), 4))
     line = np.stack([np.interp(at, arc, walk[:, axis]) for axis in (0, 1)], axis=-1)
+    sigma = _CORNER_M / (at[1] - at[0])
+    if not closed:
+        return [_up_and_down(smoothed_line(line, sigma=sigma), aside_m)]
+    ring = gaussian_filter1d(line[:-1], sigma, axis=0, mode="wrap")
+    return [_round(_beside(way, aside_m)) for way in (ring, ring[::-1])]
+
+
+def _beside(ring: NDArray[np.float64], aside_m: float) -> NDArray[np.float64]:
+    ahead = np.roll(ring, -1, axis=0) - np.roll(ring, 1, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=-1)[:, None]
+    return ring + aside_m * np.stack([ahead[:, 1], -ahead[:, 0]], axis=-1)
+
+
+def _up_and_down(line: NDArray[np.float64], aside_m: float) -> Round:
     tangent = np.gradient(line, axis=0)
     tangent /= np.linalg.norm(tangent, axis=-1)[:, None]
     right = aside_m * np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
     angle = np.linspace(0, np.pi, 12)[1:-1, None]
     last = line[-1] + np.cos(angle) * right[-1] + aside_m * np.sin(angle) * tangent[-1]
     first = line[0] - np.cos(angle) * right[0] - aside_m * np.sin(angle) * tangent[0]
-    closed = np.concatenate([line + right, last, (line - right)[::-1], first, (line + right)[:1]])
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
-    return Round(arc_m=length, xy=closed)
+    return _round(np.concatenate([line + right, last, (line - right)[::-1], first]))
+
+
+def _round(open_line: NDArray[np.float64]) -> Round:
+    closed = np.concatenate([open_line, open_line[:1]])
+    return Round(arc_m=np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))]), xy=closed)
 
 
 def pedestrian_track(way: Round, *, start_m: float, pace_mps: float, duration_s: float) -> Trajectory:
@@ -66,7 +92,8 @@ def pedestrian_tracks(
     walks: tuple[NDArray[np.float64], ...], count: int, *, duration_s: float, rng: np.random.Generator
 ) -> list[Trajectory]:
     """Return up to `count` walks of `duration_s` [s], spread over `walks` by their lengths."""
-    rounds = [walking_round(walk) for walk in walks if np.hypot(*np.diff(walk, axis=0).T).sum() > _SHORTEST_M]
+    long = [walk for walk in walks if np.hypot(*np.diff(walk, axis=0).T).sum() > _SHORTEST_M]
+    rounds = [way for walk in long for way in walking_rounds(walk)]
     if not rounds:
         return []
     length = np.array([way.arc_m[-1] for way in rounds])

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
+from echoscape.scenes.path import slow_noise
+
 _CRAWL_MPS = 0.3
 _BEND_MARGIN_M = 1.0
 _TRUNCATE = 4.0
@@ -26,21 +28,25 @@ class SpeedSettings:
     (low, high). A lane's end is stopped at with the chance `stop_chance`, `yield_chance` where it gives way;
     a stop lasts `stop_s` on average, within `stop_range_s`. Accelerations are drawn a stretch from
     `speed_up_mps2` and `brake_mps2` (low, high).
+
+    `unrest` is the rms of the slow ups and downs of the wanted speed, as a share of it.
     """
 
-    town_cruise_mps: tuple[float, float, float] = (3.0, 7.8, 10.6)
+    town_cruise_mps: tuple[float, float, float] = (2.5, 7.3, 10.6)
     stretch_m: float = 90.0
     open_limit_mps: float = 17.0
     open_share: tuple[float, float] = (0.8, 1.0)
     bend_mps2: tuple[float, float] = (0.9, 2.0)
     yaw_rate_rps: tuple[float, float] = (0.26, 0.58)
-    stop_chance: float = 0.34
-    yield_chance: float = 0.55
+    stop_chance: float = 0.4
+    yield_chance: float = 0.6
     stop_s: float = 12.0
     stop_range_s: tuple[float, float] = (2.0, 40.0)
     speed_up_mps2: tuple[float, float] = (0.9, 2.7)
     brake_mps2: tuple[float, float] = (0.9, 2.4)
     smoothing_s: float = 0.35
+    unrest: float = 0.03
+    unrest_length_m: float = 8.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +92,8 @@ def speed_caps(
     town = triangular_quantile(mood, low, mode, high)[place]
     share = np.interp(mood, [0.0, 1.0], settings.open_share)[place]
     cruise = np.where(limit_mps > settings.open_limit_mps, share * limit_mps, np.minimum(town, limit_mps))
+    unrest = slow_noise(len(arc), sigma=settings.unrest_length_m / step_m, rng=rng)
+    cruise = np.minimum(cruise * (1 + settings.unrest * unrest), limit_mps)
     bend = np.interp(rng.random(len(mood)), [0.0, 1.0], settings.bend_mps2)[place]
     yaw_rate = np.interp(rng.random(len(mood)), [0.0, 1.0], settings.yaw_rate_rps)[place]
     sharpness = np.maximum(np.abs(curvature), 1e-6)

@@ -29,6 +29,7 @@ _SHARES = {"car": 0.64, "van": 0.13, "truck": 0.05, "bus": 0.05, "cyclist": 0.13
 _TOP_MPS = {"car": 40.0, "van": 38.0, "truck": 24.0, "bus": 22.0, "cyclist": 6.5}
 _PLACE, _KIND, _WAY, _WALK = range(200, 204)
 _FAST_MPS = 17.0
+_FAR_LIKING = 0.05
 _SAMPLE_M = 0.5
 _CORNER_M = 1.0
 _APART_M = 14.0
@@ -127,6 +128,7 @@ def _drivers(
         length_m=np.array([prototype.extent_m[0] for prototype in prototypes]),
         top_mps=np.array([_TOP_MPS[name] for name in chosen]) * rng.uniform(0.75, 1.0, len(places)),
         zeal=rng.uniform(0.8, 1.0, len(places)),
+        liking=_liking(roads, passed, settings.near_m),
     )
     record = flow(roads, drive, fleet, step_s=settings.step_s, rng=_stage_rng(seed, _WAY))
     return [
@@ -174,6 +176,14 @@ def _free_places(
         if all(np.hypot(*(place[2:] - other[2:])) > _APART_M for other in taken if other[0] == place[0]):
             taken.append(place)
     return np.array(taken).reshape(-1, 4)[:, :2]
+
+
+def _liking(roads: RoadGraph, passed: NDArray[np.float64], near_m: float) -> NDArray[np.float64]:
+    """Return weights (N,) of the lanes that keep traffic where the drive passes."""
+    ends = np.array([lane.centre[-1] for lane in roads.lanes])
+    distance, _ = KDTree(passed).query(ends)
+    weight = np.where(distance < near_m, 1.0, _FAR_LIKING)
+    return np.array([weight[[lane.id, *lane.successors]].min() for lane in roads.lanes])
 
 
 def vehicle_track(
