@@ -6,7 +6,7 @@ whose curvature ramps linearly (clothoids, as in road design).
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 Line = NDArray[np.float64]
 """A sampled curve: (P, 2) float64 [m]."""
@@ -141,8 +141,8 @@ def bulb(offset_m: float, radius_m: float, *, side_radius_m: float = 9.0, step_m
         steps = np.stack([np.cos(middle), np.sin(middle)], axis=-1) * step
         return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
-    swing = brentq(lambda angle: half(angle)[-1, 1] - offset_m, 1e-3, 1.5, xtol=1e-12)
-    first = half(float(swing)) - [0.0, offset_m]
+    swing = root_scalar(lambda angle: half(angle)[-1, 1] - offset_m, bracket=(1e-3, 1.5), xtol=1e-12).root
+    first = half(swing) - [0.0, offset_m]
     line = np.concatenate([first, (first * [1.0, -1.0])[-2::-1]])
     line[0], line[-1] = (0.0, -offset_m), (0.0, offset_m)
     return resampled(line, step_m)

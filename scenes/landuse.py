@@ -69,7 +69,7 @@ def _uses(
     names, weights = [use for use, _ in preset.uses], np.array([weight for _, weight in preset.uses])
     uses: dict[int, Use] = {}
     for number, block in enumerate(blocks):
-        drawn = names[int(rng.choice(len(names), p=weights / weights.sum()))]
+        drawn: Use = names[int(rng.choice(len(names), p=weights / weights.sum()))]
         if block.area > _SMALLEST_M2:
             uses[number] = names[0] if block.interiors else drawn
 
@@ -77,8 +77,10 @@ def _uses(
         fit = [n for n, b in enumerate(blocks) if low_m2 < b.area < high_m2 and not b.interiors]
         return sorted(fit, key=lambda n: blocks[n].centroid.distance(middle))[:1]
 
-    uses |= {number: "square" for number in nearest(1500.0, 6000.0)}
-    uses |= {number: "park" for number in nearest(9000.0, 60000.0)}
+    centre: tuple[tuple[Use, float, float], ...] = (("square", 1500.0, 6000.0), ("park", 9000.0, 60000.0))
+    for use, low, high in centre:
+        for number in nearest(low, high):
+            uses[number] = use
     return uses
 
 

@@ -126,9 +126,9 @@ def road_graph(network: Network) -> tuple[RoadGraph, Room]:
     Junctions whose turns come out too sharp are made larger.
     """
     size = np.ones(len(network.junctions))
-    for _ in range(4):
-        room = _junction_room(network, size)
-        graph = _graph(network, room)
+    room = _junction_room(network, size)
+    graph = _graph(network, room)
+    for _ in range(3):
         tight = {
             lane.junction
             for lane in graph.lanes
@@ -137,6 +137,8 @@ def road_graph(network: Network) -> tuple[RoadGraph, Room]:
         if not tight:
             break
         size[[junction for junction in tight if junction is not None]] *= 1.25
+        room = _junction_room(network, size)
+        graph = _graph(network, room)
     return graph, room
 
 
@@ -186,8 +188,8 @@ def _arms(network: Network, junction: int) -> list[Arm]:
 def _cuts(network: Network, junction: int, arms: list[Arm]) -> list[float]:
     """Return how far each arm is cut back, so that its right turns have room.
 
-    Two outer lanes meet (o_j + o_i cos g) / sin g along arm i for a gap g; an arc of radius R needs R / tan(g/2)
-    beyond.
+    Two outer lanes meet (o_j + o_i cos g) / sin g along arm i for a gap g; an arc of radius R needs
+    R / tan(g/2) beyond.
     """
     if len(arms) == 1:
         return [_BULB_ROOM_M]

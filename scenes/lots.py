@@ -117,7 +117,7 @@ def frontages(block: Polygon, streets: BaseGeometry) -> list[Line]:
         heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
         turn = np.abs(np.roll(heading, -3) - np.roll(heading, 3))[:-3]
         corner = np.flatnonzero(turn % (2 * np.pi) > 0.5)
-        near = shapely.distance(shapely.points(rim), streets) < 0.6
+        near = np.asarray(shapely.distance(shapely.points(rim), streets)) < 0.6
         near[corner] = False
         edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
         sides += [rim[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 5]

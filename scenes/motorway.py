@@ -1,9 +1,10 @@
 """A motorway: two carriageways of two lanes with hard shoulders, slip roads, and loops at both ends.
 
-All lanes are lines at a distance from one winding middle line; a slip road's distance grows and shrinks smoothly
-(as on a diverge taper), so it leaves and joins the outer lane without a kink.
+All lanes are lines at a distance from one winding middle line; a slip road's distance grows and shrinks
+smoothly (as on a diverge taper), so it leaves and joins the outer lane without a kink.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,12 +64,12 @@ def _middle(rng: np.random.Generator) -> Line:
 
 
 def _carriageway(book: LaneBook, middle: Line, rng: np.random.Generator) -> list[tuple[int, int]]:
-    """Add one carriageway, to the right of `middle`, and return its (inner, outer) lanes in order of travel."""
+    """Add one carriageway, to the right of `middle`, and return its (inner, outer) lanes in turn."""
     along = arc_length(middle)
     leave, join = 500.0 + rng.uniform(0, 80), 1500.0 + rng.uniform(-80, 80)
     cuts = [0.0, leave, leave + _TAPER_M, join, join + _TAPER_M, along[-1]]
     sections: list[tuple[int, int]] = []
-    for number, (first, last) in enumerate(zip(cuts[:-1], cuts[1:], strict=True)):
+    for number, (first, last) in enumerate(itertools.pairwise(cuts)):
         kind = "street" if number % 2 == 0 else "turn"
         pair = [
             book.add(
@@ -81,7 +82,7 @@ def _carriageway(book: LaneBook, middle: Line, rng: np.random.Generator) -> list
             for aside in (INNER_M, OUTER_M)
         ]
         sections.append((pair[0], pair[1]))
-    for before, after in zip(sections[:-1], sections[1:], strict=True):
+    for before, after in itertools.pairwise(sections):
         for place in (0, 1):
             book.join(before[place], after[place])
     for before, after, place in ((0, 2, 0), (0, 2, 1), (2, 4, 0), (2, 4, 1)):  # changes of lane
@@ -118,7 +119,7 @@ def _slip(book: LaneBook, middle: Line, span: tuple[float, float], sections: lis
 
 
 def _beside(middle: Line, first_m: float, last_m: float, aside_m: NDArray[np.float64]) -> Line:
-    """Return the line beside `middle` from one distance to another, `aside_m` to its right, sampled at 0.5 m."""
+    """Return the line beside `middle` from one distance to another, `aside_m` to its right."""
     count = int((last_m - first_m) / 0.5) + 1
     distance = np.linspace(first_m, last_m, count)
     along, normal = arc_length(middle), left_normals(middle)

@@ -10,7 +10,7 @@ from echoscape.scenes.curves import Line, arc_length, headings, points_at, resam
 from echoscape.scenes.lots import Plot, put_boundary, put_vehicle
 
 CARS: tuple[str, ...] = ("car_hatchback", "car_saloon", "car_estate", "car_suv", "van_small")
-_MOST_CARS = 50
+_MOST_CARS = 35
 PARK_TREES: tuple[str, ...] = ("tree_broadleaf", "tree_tall", "tree_spreading", "tree_conifer", "tree_shrub")
 
 
@@ -52,8 +52,9 @@ def lay_car_park(
             if rng.random() < taken_share and inside.contains(Point(place).buffer(2.6)):
                 yaw = float(np.arctan2(across[1], across[0])) + np.pi * (rng.random() < 0.5)
                 put_vehicle(assembly, str(rng.choice(CARS)), place, plot, yaw_rad=yaw)
-            if row % 2 == 0 and rng.random() < 0.02:
-                _stand(assembly, plot, "lamp_arm", place + 4.1 * across, rng)
+            foot = place + 4.1 * across
+            if row % 2 == 0 and rng.random() < 0.02 and inside.contains(Point(foot)):
+                _stand(assembly, plot, "lamp_arm", foot, rng)
 
 
 def lay_yard(assembly: Assembly, plot: Plot, *, rng: np.random.Generator, density: float = 1.0) -> None:
@@ -92,7 +93,7 @@ def scatter_trees(
     rng: np.random.Generator,
     inset_m: float = 5.0,
 ) -> None:
-    """Plant trees at random, about one each `spacing_m` square, none nearer than a third of that to another."""
+    """Plant trees at random, about one each `spacing_m` square, none nearer than a third of it to another."""
     inside = plot.block.buffer(-inset_m)
     if inside.is_empty:
         return

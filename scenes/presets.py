@@ -18,8 +18,8 @@ class Preset:
     """The settings of a town.
 
     `uses` weighs what a block becomes; `kerb_height_m` is 0 where roads have no kerb; `margin_m` is what is
-    built on beyond the outermost streets; `parked` and `street_trees` are the shares of places taken, `trucks`
-    that of trucks among the parked, `lamps_m` the distance between lamp posts.
+    built on beyond the outermost streets; `parked` and `street_trees` are the shares of places taken,
+    `trucks` that of trucks among the parked, `lamps_m` the distance between lamp posts.
     """
 
     name: str
@@ -28,7 +28,7 @@ class Preset:
     uses: tuple[tuple[Use, float], ...] = ()
     kerb_height_m: float = 0.12
     margin_m: float = 60.0
-    parked: float = 0.22
+    parked: float = 0.2
     trucks: float = 0.05
     street_trees: float = 0.28
     lamps_m: float = 42.0

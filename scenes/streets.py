@@ -141,8 +141,8 @@ class Chart:
 def chart_street(chart: Chart, start: Line, end: Line, *, bow: float = 0.0) -> Line:
     """Return the street (P, 2) that is straight from `start` to `end` (2,) on the chart, but for a bow.
 
-    The bow is sin^2-shaped, so that directions at both ends stay as they are; it is made flatter where it would
-    be sharper than 60 m.
+    The bow is sin^2-shaped, so that directions at both ends stay; it is made flatter where it would be
+    sharper than 60 m.
     """
     share = np.linspace(0.0, 1.0, max(int(np.linalg.norm(end - start)), 12) + 1)[:, None]
     along = end - start

@@ -109,7 +109,7 @@ def _pieces(
 
 
 def flat(shape: BaseGeometry, height_m: float) -> Mesh | None:
-    """Return `shape` as a level mesh at `height_m` that faces upwards, or None where nothing is left of it."""
+    """Return `shape` as a level mesh at `height_m` that faces upwards, or None if it is empty."""
     triangles = [
         triangle
         for polygon in polygons(shape)
@@ -136,7 +136,7 @@ def rings(shape: BaseGeometry) -> list[NDArray[np.float64]]:
 
 
 def kerb_runs(carriageway: BaseGeometry, *, height_m: float, run_m: float = 60.0) -> list[Mesh]:
-    """Return kerbs along the rim of the carriageway in runs of about `run_m`: a face to the road and a top."""
+    """Return kerbs along the rim of the carriageway in runs of about `run_m`: a face and a top."""
     runs = []
     for rim in rings(carriageway):
         away = _away(rim) * KERB_WIDTH_M

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from echoscape.scenes.assembly import Assembly, Taken
-from echoscape.scenes.landuse import blocks_of, fill_blocks
 from echoscape.scenes.countryside import country_roads, straight_road
 from echoscape.scenes.dressing import dress_streets
 from echoscape.scenes.furniture import furniture_prototypes
 from echoscape.scenes.greenery import tree_prototypes
 from echoscape.scenes.growth import grown_network
+from echoscape.scenes.landuse import blocks_of, fill_blocks
 from echoscape.scenes.lanes import Room, road_graph
 from echoscape.scenes.motorway import motorway
 from echoscape.scenes.presets import PRESETS, Preset

@@ -1,4 +1,4 @@
-"""What stands beside roads outside towns: guard rails, noise walls, gantries, bridges, hedges, trees and farms.
+"""What stands beside roads outside towns: guard rails, noise walls, gantries, bridges, hedges, farms.
 
 Rails stand 0.5 m and more beyond the edge of the carriageway; bridges clear it by 5.6 m.
 """
@@ -9,7 +9,7 @@ from shapely.geometry import LineString, Point
 
 from echoscape.scenes.assembly import Assembly, Taken, rectangle
 from echoscape.scenes.boundaries import wall
-from echoscape.scenes.buildings import building
+from echoscape.scenes.buildings import Style, building
 from echoscape.scenes.curves import Line, arc_length, headings, left_normals, offset, points_at, resampled
 from echoscape.scenes.greenery import hedge
 from echoscape.scenes.motorway import EDGE_M, Motorway
@@ -26,7 +26,7 @@ def dress_motorway(assembly: Assembly, taken: Taken, way: Motorway, *, rng: np.r
     for share in (0.1, 0.9):  # where no slip road runs beside the main line
         _bridge(assembly, taken, way.middle, share * length)
     for share in (0.2, 0.47, 0.62, 0.8):
-        _gantry(assembly, way.middle, (share + rng.uniform(-0.02, 0.02)) * length)
+        _gantry(assembly, way, (share + rng.uniform(-0.02, 0.02)) * length)
     for aside in (-0.9, 0.9):
         _rails(assembly, way.middle, way.ground, aside, inside=True)
     for aside in (-EDGE_M - 0.7, EDGE_M + 0.7):
@@ -137,9 +137,12 @@ def _bridge(assembly: Assembly, taken: Taken, middle: Line, distance_m: float) -
     taken.add(Point(place).buffer(30.0))
 
 
-def _gantry(assembly: Assembly, middle: Line, distance_m: float) -> None:
-    """Stand a sign gantry over both carriageways."""
-    reach = EDGE_M + 1.6
+def _gantry(assembly: Assembly, way: Motorway, distance_m: float) -> None:
+    """Stand a sign gantry over both carriageways, unless a slip road is where its legs would be."""
+    reach, middle = EDGE_M + 1.6, way.middle
+    feet = _across(middle, distance_m, box((1.0, 2 * reach, 1.0))).vertices[:, :2]
+    if shapely.distance(shapely.points(feet.astype(np.float64)), way.ground.carriageway).min() < 0.8:
+        return
     legs = [box((0.4, 0.4, 7.6), (0.0, y, 3.8)) for y in (-reach, reach)]
     beams = [box((0.3, 2 * reach, 0.3), (x, 0.0, z)) for x in (-0.5, 0.5) for z in (6.3, 7.5)]
     signs = [box((0.08, 3.2, 2.0), (x, y, 6.9)) for y in (-8.4, -4.6, 4.6, 8.4) for x in (-0.75, 0.75)]
@@ -183,7 +186,11 @@ def _posts(
 
 def _farm(assembly: Assembly, taken: Taken, ground: Ground, yard: Line, rng: np.random.Generator) -> None:
     """Stand a house, barns, a tank and a truck about the end of a track."""
-    shapes = (("house", 11.0, 8.5, 5.4), ("hall", 30.0, 16.0, 6.5), ("hall", 22.0, 14.0, 5.5))
+    shapes: tuple[tuple[Style, float, float, float], ...] = (
+        ("house", 11.0, 8.5, 5.4),
+        ("hall", 30.0, 16.0, 6.5),
+        ("hall", 22.0, 14.0, 5.5),
+    )
     for style, length, width, height in shapes:
         for _ in range(40):
             angle, reach = rng.uniform(0, 2 * np.pi), rng.uniform(20.0, 45.0)

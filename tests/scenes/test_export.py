@@ -1,4 +1,4 @@
-"""Laws of the export: the file holds each prototype once, and its nodes stand where the town's things stand."""
+"""Laws of the export: the file holds each prototype once, its nodes stand where the town says."""
 
 import io
 

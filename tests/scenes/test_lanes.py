@@ -1,4 +1,4 @@
-"""Laws of the lanes: they join, bend gently, keep to the right, and every lane can be reached from every other."""
+"""Laws of the lanes: they join, bend gently, keep to the right, and all can be reached from all."""
 
 import numpy as np
 import pytest

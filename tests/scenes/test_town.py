@@ -48,7 +48,7 @@ def on_lanes(town: Town, triangles: NDArray[np.float64]) -> NDArray[np.intp]:
     ]
     low, high = triangles[..., 2].min(axis=1), triangles[..., 2].max(axis=1)
     rows = np.flatnonzero((high > LOW_M) & (low < HIGH_M))
-    loops = shapely.linestrings(triangles[rows][:, [0, 1, 2, 0], :2])
+    loops = np.atleast_1d(np.asarray(shapely.linestrings(triangles[rows][:, [0, 1, 2, 0], :2])))
     return rows[np.unique(shapely.STRtree(loops).query(lanes, predicate="intersects")[1])]
 
 
@@ -143,7 +143,7 @@ def test_walks_keep_off_roads_and_out_of_buildings(town: Town) -> None:
         houses = mesh.faces[town.instance_class[mesh.instance] == CLASSES.index("building")]
         corners = mesh.vertices[houses].astype(float)
         corners = corners[corners[..., 2].min(axis=1) < 2.0]
-        loops = shapely.linestrings(corners[:, [0, 1, 2, 0], :2])
+        loops = np.atleast_1d(np.asarray(shapely.linestrings(corners[:, [0, 1, 2, 0], :2])))
         assert shapely.STRtree(loops).query(lines, predicate="intersects").size == 0
 
 
