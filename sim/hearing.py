@@ -18,8 +18,10 @@ from echoscape.sim.sensor import Sensor
 
 MAIN_ROWS = 3
 """Rows to each side that belong to the main lobe (2.7 deg, -28 dB two-way); beyond them lie sidelobes."""
-SIDE_ROWS = 30
+SIDE_ROWS = 40
 """Rows to each side up to which sidelobes of strong returns are heard."""
+_LEVELS = 256
+_LEVEL_DB = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +46,15 @@ class Hearing:
         self._table = mi.Float(antenna.azimuth_two_way.astype(np.float32))
         self._steps = len(antenna.azimuth_two_way) - 1
         self._shift_s = sensor.doppler_sign * sensor.doppler_beta_s if doppler else 0.0
-        spacing = 2 * math.pi / sensor.azimuths
-        beyond = np.abs(antenna.azimuth_grid_rad) > (MAIN_ROWS + 0.5) * spacing
-        self._side_gain = float(antenna.azimuth_two_way[beyond].max())
+        self._reach_rows = self._rows_by_level(antenna)
+
+    def _rows_by_level(self, antenna: Antenna) -> NDArray[np.int64]:
+        """Return how many rows to each side hear a return that is so many levels above the floor."""
+        # A return lies up to half a row from the row that points at it.
+        offset = np.maximum(np.arange(SIDE_ROWS + 1) - 0.5, 0) * (2 * math.pi / self._sensor.azimuths)
+        gain = np.interp(offset, antenna.azimuth_grid_rad, antenna.azimuth_two_way)
+        level = 10 ** (np.arange(_LEVELS) * _LEVEL_DB / 10)
+        return np.array([np.flatnonzero(gain * each >= 1).max(initial=0) for each in level])
 
     def place(self, poses: RowPoses) -> None:
         """Take the antenna's poses of a scan."""
@@ -56,83 +64,88 @@ class Hearing:
         # The time between two rows enters only through the movers' own motion.
         self._row_s = dr.opaque(mi.Float, self._sensor.row_s)
 
-    def _azimuth_gain(self, towards: "mi.Vector3f", row: "mi.UInt32", active: "mi.Bool") -> "mi.Float":
+    def _azimuth_gain(self, towards: "mi.Vector3f", row: "mi.UInt32") -> "mi.Float":
         """Return the two-way azimuth gain (peak about 1) of a row's beam towards directions (N)."""
         spacing = 2 * math.pi / self._sensor.azimuths
-        heading = dr.gather(mi.Float, self._yaw, row, active) - mi.Float(row) * spacing
-        offset = heading - dr.atan2(towards.y, towards.x)
-        turns = offset * (1 / (2 * math.pi))
+        heading = dr.gather(mi.Float, self._yaw, row) - mi.Float(row) * spacing
+        turns = (heading - dr.atan2(towards.y, towards.x)) * (1 / (2 * math.pi))
         place = (turns - dr.round(turns) + 0.5) * self._steps
         index = dr.clip(mi.UInt32(place), 0, self._steps - 1)
-        low, high = (dr.gather(mi.Float, self._table, index + k, active) for k in (0, 1))
+        low, high = (dr.gather(mi.Float, self._table, index + k) for k in (0, 1))
         return dr.lerp(low, high, place - mi.Float(index))
 
     def loop_gain(self, paths: ReturnPaths) -> "mi.Float":
         """Return the best azimuth gain that any row could have for paths that leave and come back apart."""
         position = dr.gather(mi.Vector3d, self._position, paths.row)
         out, back = mi.Vector3f(paths.out - position), mi.Vector3f(paths.back - position)
-        turn = dr.atan2(out.x * back.y - out.y * back.x, out.x * back.x + out.y * back.y)
+        turn = dr.abs(dr.atan2(out.x * back.y - out.y * back.x, out.x * back.x + out.y * back.y))
         # The product of both gains is largest half way between, or at either when they are far apart.
-        at = lambda angle: dr.gather(  # noqa: E731
-            mi.Float, self._table, mi.UInt32((dr.clip(dr.abs(angle) / (2 * math.pi), 0, 0.5) + 0.5) * self._steps)
-        )
-        return dr.maximum(at(turn / 2), dr.sqrt(at(turn)))
+        return dr.maximum(self._gain_at(turn / 2), dr.sqrt(self._gain_at(turn)))
 
-    def hear(self, paths: ReturnPaths) -> list[tuple[ReturnPaths, Heard]]:
-        """Return the echoes of `paths` in the main lobe, and those of strong ones in the sidelobes."""
+    def _gain_at(self, offset: "mi.Float") -> "mi.Float":
+        """Return the two-way azimuth gain at an offset of 0 to pi [rad], to the nearest step."""
+        place = (offset * (1 / (2 * math.pi)) + 0.5) * self._steps
+        return dr.gather(mi.Float, self._table, dr.minimum(mi.UInt32(place + 0.5), self._steps))
+
+    def hear(self, paths: ReturnPaths) -> tuple[ReturnPaths, Heard] | None:
+        """Return the paths that are heard at all and their echoes, or None."""
+        dr.eval(paths)
         kept = picked(paths, dr.compress(paths.power > self._floor_w))
         if dr.width(kept.row) == 0:
-            return []
-        dr.eval(kept)
-        near = list(range(-MAIN_ROWS, MAIN_ROWS + 1))
-        found = [(kept, self._spread(kept, near, sidelobe=False))]
-        strong = picked(kept, dr.compress(kept.power * self._side_gain > self._floor_w))
-        if dr.width(strong.row):
-            far = [k for k in range(-SIDE_ROWS, SIDE_ROWS + 1) if abs(k) > MAIN_ROWS]
-            found.append((strong, self._spread(strong, far, sidelobe=True)))
-        return found
+            return None
+        middle = self._middle_row(kept)
+        dr.eval(kept, middle)
+        level_db = 10 * np.log10(kept.power.numpy() / np.float32(self._floor_w))
+        reach = self._reach_rows[np.minimum((level_db / _LEVEL_DB).astype(np.int64) + 1, _LEVELS - 1)]
+        counts = 2 * reach + 1
+        source = np.repeat(np.arange(len(counts), dtype=np.uint32), counts)
+        starts = np.cumsum(counts) - counts + reach
+        offset = (np.arange(len(source)) - starts[source]).astype(np.int32)
+        return kept, self._spread(kept, middle, mi.UInt32(source), offset)
 
-    def _middle_row(self, paths: ReturnPaths) -> "mi.Float":
+    def _middle_row(self, paths: ReturnPaths) -> "mi.Int32":
         """Return the row whose beam points nearest to where the path leaves (its home row's pose will do)."""
         position = dr.gather(mi.Vector3d, self._position, paths.row)
         towards = mi.Vector3f(paths.out - position)
         turns = (dr.gather(mi.Float, self._yaw, paths.row) - dr.atan2(towards.y, towards.x)) / (2 * math.pi)
-        return dr.round((turns - dr.floor(turns)) * self._sensor.azimuths)
+        return mi.Int32(dr.round((turns - dr.floor(turns)) * self._sensor.azimuths))
 
-    def _spread(self, paths: ReturnPaths, offsets: list[int], *, sidelobe: bool) -> Heard:
-        """Return the echoes of `paths` in the rows at `offsets` from the row that points at each."""
+    def _spread(
+        self, paths: ReturnPaths, middle: "mi.Int32", source: "mi.UInt32", offset: NDArray[np.int32]
+    ) -> Heard:
+        """Return the echoes of `paths[source]` in the rows at `offset` (N,) from the row that points at each."""
         azimuths = self._sensor.azimuths
-        middle = mi.Int32(self._middle_row(paths))
-        lane = dr.arange(mi.UInt32, dr.width(paths.row) * len(offsets))
-        source = lane // len(offsets)
-        offset = dr.gather(mi.Int32, mi.Int32(offsets), lane - source * len(offsets))
-        row = mi.UInt32((dr.gather(mi.Int32, middle, source) + offset + azimuths) % azimuths)
+        row = mi.UInt32((dr.gather(mi.Int32, middle, source) + mi.Int32(offset) + azimuths) % azimuths)
         path = picked(paths, source)
         position = mi.Point3d(dr.gather(mi.Vector3d, self._position, row))
-        out, back = path.out - position, path.back - position
-        out_m, back_m = dr.norm(out), dr.norm(back)
-        out32, back32 = mi.Vector3f(out / out_m), mi.Vector3f(back / back_m)
-        both = self._azimuth_gain(out32, row, True) * self._azimuth_gain(back32, row, True)
-        power = path.power * dr.sqrt(both)
+        out_m, out32 = _length_and_direction(path.out - position)
+        both = self._azimuth_gain(out32, row)
+        if paths.back is paths.out:
+            half, mean32 = out_m, out32
+        else:
+            back_m, back32 = _length_and_direction(path.back - position)
+            both = dr.sqrt(both * self._azimuth_gain(back32, row))
+            half, mean32 = (out_m + back_m) * 0.5, (out32 + back32) * 0.5
+        power = path.power * both
         later = (mi.Float(row) - mi.Float(path.row)) * self._row_s
-        half = (out_m + back_m) * 0.5 + mi.Float64(path.drift * later)
-        velocity = dr.gather(mi.Vector3f, self._velocity, row)
-        closing = dr.dot(velocity, (out32 + back32) * 0.5) - path.drift
+        half += mi.Float64(path.drift * later)
+        closing = dr.dot(dr.gather(mi.Vector3f, self._velocity, row), mean32) - path.drift
         apparent = half + mi.Float64(closing * self._shift_s)
-        heard = dr.compress((power > self._floor_w) & (apparent > 0) & (apparent < self._sensor.range_m * 1.02))
+        audible = (power > self._floor_w) & (apparent > 0) & (apparent < self._sensor.range_m * 1.02)
         real, imag = self._phased(half, dr.sqrt(power), path)
-        results = [dr.gather(type(a), a, heard) for a in (row, apparent, real, imag, power, source, closing)]
-        dr.eval(*results)
-        row_, range_m, re, im, mean, origin, speed = (array.numpy() for array in results)
+        results = [mi.Int32(row), apparent, real, imag, power, source, closing]
+        dr.eval(audible, *results)
+        keep = audible.numpy()
+        row_, range_m, re, im, mean, origin, speed = (array.numpy()[keep] for array in results)
         amplitude = np.empty(len(row_), np.complex64)
         amplitude.real, amplitude.imag = re, im
         return Heard(
-            row=row_.astype(np.int32),
+            row=row_,
             range_m=range_m,
             amplitude=amplitude,
             mean_power=mean,
             source=origin,
-            sidelobe=np.full(len(row_), sidelobe),
+            sidelobe=(np.abs(offset) > MAIN_ROWS)[keep],
             closing_mps=speed,
         )
 
@@ -142,3 +155,9 @@ class Hearing:
         phase = mi.Float(cycles - dr.floor(cycles)) * (-2 * math.pi)
         sine, cosine = dr.sincos(phase)
         return size * (path.real * cosine - path.imag * sine), size * (path.real * sine + path.imag * cosine)
+
+
+def _length_and_direction(vector: "mi.Vector3d") -> "tuple[mi.Float64, mi.Vector3f]":
+    """Return the length (double) and the unit vector (single) of vectors."""
+    length = dr.norm(vector)
+    return length, mi.Vector3f(vector) * mi.Float(1 / length)

@@ -89,7 +89,7 @@ class World:
                 slot = dr.gather(mi.Vector3d, garage_places, mover, near)
                 start = turned(origin - position, cosine, -sine) + slot
                 ray = mi.Ray3f(mi.Point3f(start), mi.Vector3f(turned(direction, cosine, -sine)), best, 0.0, [])
-                met = garage.ray_intersect_preliminary(ray, True, near)
+                met = garage.ray_intersect_preliminary(ray, False, near)
                 nearer = near & met.is_valid() & (met.t < best)
                 return (
                     dr.select(nearer, met.t, best),
@@ -120,7 +120,7 @@ class World:
         """Return what rays from `origin` (N) [m] along unit `direction` meet within `reach` [m] at their rows."""
         scene = self._scene
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), reach, 0.0, [])
-        met = scene.town.ray_intersect_preliminary(ray, True, active)
+        met = scene.town.ray_intersect_preliminary(ray, False, active)
         valid = active & met.is_valid()
         limit = dr.select(valid, met.t, reach)
         nearest, mover, garage_face = self._meet_movers(origin, direction, row, limit, active)
@@ -197,7 +197,7 @@ class World:
     ) -> "mi.Bool":
         """Return whether anything stands within `reach` [m] along a ray."""
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), reach, 0.0, [])
-        town = self._scene.town.ray_test(ray, True, active)
+        town = self._scene.town.ray_test(ray, False, active)
         _, mover, _ = self._meet_movers(origin, direction, row, reach, active & ~town)
         return town | (mover != mi.UInt32(0xFFFFFFFF))
 

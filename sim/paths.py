@@ -27,7 +27,7 @@ class Rays:
     """N rays on their way, as Dr.Jit arrays.
 
     origin [m], direction (double); travelled: unfolded length so far [m] (double); weight: product of mirror
-    power reflectivities; row: home row; density [1/sr]; gain: one-way elevation gain towards the first leg;
+    power reflectivities; row: home row; number: of the ray in its scan; density [1/sr]; gain: one-way elevation gain towards the first leg;
     start and heading: the first leg's origin and direction.
     """
 
@@ -36,6 +36,7 @@ class Rays:
     travelled: "mi.Float64"
     weight: "mi.Float"
     row: "mi.UInt32"
+    number: "mi.UInt32"
     density: "mi.Float"
     gain: "mi.Float"
     start: "mi.Point3d"
@@ -65,12 +66,16 @@ class ReturnPaths:
 
 
 def picked(arrays: object, index: "mi.UInt32") -> object:
-    """Return a dataclass of Dr.Jit arrays with only the entries at `index`."""
-    values = {
-        name: dr.gather(type(value), value, index) if dr.is_array_v(value) else value
-        for name, value in vars(arrays).items()
-    }
-    return type(arrays)(**values)
+    """Return a dataclass of evaluated Dr.Jit arrays with only the entries at `index`.
+
+    A field that is the same object as another stays so. (Sources that are not evaluated yet would each cost a
+    kernel of their own: call `dr.eval` on the dataclass first.)
+    """
+    taken: dict[int, object] = {}
+    for value in vars(arrays).values():
+        if id(value) not in taken:
+            taken[id(value)] = dr.gather(type(value), value, index) if dr.is_array_v(value) else value
+    return type(arrays)(**{name: taken[id(value)] for name, value in vars(arrays).items()})
 
 
 def _te_share(direction: "mi.Vector3f", normal: "mi.Vector3f") -> "mi.Float":
@@ -111,10 +116,14 @@ class Scatterer:
         """Return cosine of incidence, reflected power |Gamma|^2 and its mirror share."""
         direction, normal = mi.Vector3f(rays.direction), mi.Vector3f(hits.normal)
         cosine = dr.clip(-dr.dot(direction, normal), 0, 1)
-        power = self._surfaces.reflected_power(hits.material, cosine, _te_share(direction, normal), hits.active)
+        power = self._surfaces.reflected_power(
+            hits.material, cosine, _te_share(direction, normal), hits.active
+        )
         return cosine, power, self._surfaces.mirror_share(hits.material, cosine, hits.active)
 
-    def _speckled(self, rays: Rays, hits: Hits, mean_rays: "mi.Float") -> "tuple[mi.Float64, mi.Float, mi.Float]":
+    def _speckled(
+        self, rays: Rays, hits: Hits, mean_rays: "mi.Float"
+    ) -> "tuple[mi.Float64, mi.Float, mi.Float]":
         """Return how much farther along the ray the patch's scatterer lies [m], and its reflectivity.
 
         Several rays that meet one patch add in phase: k rays where `mean_rays` are expected would give k^2 times
@@ -202,6 +211,7 @@ class Scatterer:
             travelled=rays.travelled + hits.distance,
             weight=dr.select(hits.active, rays.weight * power * share, 0),
             row=rays.row,
+            number=rays.number,
             density=rays.density,
             gain=rays.gain,
             start=rays.start,

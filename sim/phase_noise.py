@@ -6,6 +6,8 @@ tone by its own tau is the all-pass filter exp(-j pi f^2 / slope): undo it, mult
 multiply by exp(+j phi). That is exact for any strength of noise, with no loop over echoes.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
@@ -19,13 +21,19 @@ def phase_noise(sensor: Sensor, *, rows: int, count: int, rng: np.random.Generat
 
     Its one-sided density is twice the single-sideband level L0 / (1 + (f / corner)^2) [rad^2/Hz].
     """
+    white = rng.standard_normal((rows, count), dtype=np.float32)
+    return fft.irfft(fft.rfft(white, axis=1) * _shape(sensor, count), count, axis=1)
+
+
+@lru_cache(maxsize=8)
+def _shape(sensor: Sensor, count: int) -> NDArray[np.float32]:
+    """Return the amplitude (count / 2 + 1,) that gives white noise of variance 1 the phase's density."""
     frequency = fft.rfftfreq(count, 1 / sensor.sample_hz)
     level = 10 ** (sensor.phase_noise_dbc_hz / 10) / (1 + (frequency / sensor.phase_noise_corner_hz) ** 2)
     # White noise of variance 1 has the one-sided density 2 / fs.
     shape = np.sqrt(level * sensor.sample_hz)
     shape[0] = 0.0  # a constant phase is no noise
-    white = rng.standard_normal((rows, count), dtype=np.float32)
-    return fft.irfft(fft.rfft(white, axis=1) * shape.astype(np.float32), count, axis=1)
+    return shape.astype(np.float32)
 
 
 def _count(sensor: Sensor) -> int:
@@ -33,8 +41,10 @@ def _count(sensor: Sensor) -> int:
     return 1 << int(np.ceil(np.log2(sensor.samples * 1.05)))
 
 
-def _delay(sensor: Sensor, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex64]:
-    """Return the filter that delays every tone of beat frequency f by its echo's delay f / slope."""
+@lru_cache(maxsize=8)
+def _delay(sensor: Sensor, step_hz: float, count: int) -> NDArray[np.complex64]:
+    """Return the filter (count,) that delays tones of beat frequency f = 0, step, ... by their echoes' f / slope."""
+    frequency_hz = np.arange(count) * step_hz
     return np.exp(-1j * np.pi * frequency_hz**2 / sensor.slope_hz_s).astype(np.complex64)
 
 
@@ -42,24 +52,24 @@ def noisy_beat(
     grid: NDArray[np.complex64], sensor: Sensor, *, rng: np.random.Generator
 ) -> NDArray[np.float32]:
     """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes, phase noise included."""
-    count = _count(sensor)
-    phase = phase_noise(sensor, rows=len(grid), count=count, rng=rng)
-    return _with_phase(grid, sensor, phase)
+    return with_phase(grid, sensor, phase_noise(sensor, rows=len(grid), count=_count(sensor), rng=rng))
 
 
-def _with_phase(
+def with_phase(
     grid: NDArray[np.complex64], sensor: Sensor, phase: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Return the beat signal (rows, samples) of a grid under the synthesiser's phase (rows, count) [rad]."""
     count = phase.shape[1]
-    step_hz = sensor.sample_hz / sensor.fft_size
-    early = grid / _delay(sensor, np.arange(grid.shape[1]) * step_hz)
-    carrier = np.exp(1j * phase)
+    early = grid * _delay(sensor, sensor.sample_hz / sensor.fft_size, grid.shape[1]).conj()
+    carrier = np.empty(phase.shape, np.complex64)
+    carrier.real, carrier.imag = np.cos(phase), np.sin(phase)
     # The received wave's phase is needed at half the rate only: the analytic signal has half the band.
-    received = analytic_beat(early, sensor, count=count // 2) * carrier[:, ::2].conj()
-    tones = fft.fft(received, axis=1)
-    tones *= _delay(sensor, (np.arange(count // 2) * (sensor.sample_hz / count)).astype(np.float64))
-    full = fft.ifft(tones, count, axis=1) * np.float32(2)
+    received = analytic_beat(early, sensor, count=count // 2)
+    received *= carrier[:, ::2].conj()
+    tones = fft.fft(received, axis=1, overwrite_x=True)
+    tones *= _delay(sensor, sensor.sample_hz / count, count // 2) * np.float32(2)
+    full = fft.ifft(tones, count, axis=1)
     first = count // 2 - sensor.samples // 2
     inside = slice(first, first + sensor.samples)
-    return (full[:, inside] * carrier[:, inside]).real.astype(np.float32)
+    tone, turn = full[:, inside], carrier[:, inside]
+    return tone.real * turn.real - tone.imag * turn.imag

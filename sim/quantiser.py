@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 LARGEST_CODE = 254
+_BITS_OF_ONE = np.float32(1).view(np.uint32)
+_HALF = np.uint32(1 << 22)
 
 
 def codes(power: ArrayLike) -> NDArray[np.uint8]:
@@ -19,11 +21,12 @@ def codes(power: ArrayLike) -> NDArray[np.uint8]:
         ValueError: a power is negative or not finite.
     """
     counts = np.rint(np.asarray(power, np.float32))
-    if not np.isfinite(counts).all() or (counts < 0).any():
+    if not (counts.min(initial=0.0) >= 0 and counts.max(initial=0.0) < np.inf):
         raise ValueError("power must be finite and 0 or more")
-    mantissa, exponent = np.frexp(counts)  # n = mantissa 2^exponent, mantissa in [1/2, 1): e = exponent - 1
-    steps = np.floor(6 * (exponent + 2 * mantissa - 2) + 0.5)
-    return np.where(counts <= 1, 0, np.minimum(steps, LARGEST_CODE)).astype(np.uint8)
+    # The bits of a float32 n >= 1, less those of 1.0, are (e + n / 2^e - 1) 2^23: the law in integers.
+    steps = np.maximum(counts, 1).view(np.uint32)
+    steps = ((steps - _BITS_OF_ONE) * np.uint32(6) + _HALF) >> np.uint32(23)
+    return np.minimum(steps, LARGEST_CODE).astype(np.uint8)
 
 
 def decibels(code: ArrayLike) -> NDArray[np.float32]:

@@ -43,7 +43,7 @@ def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
     phase = -4 * math.pi * range_m / sensor.wavelength_m
     amplitude = np.sqrt(10 ** ((level_dbm - 30) / 10)) * np.exp(1j * phase)
     echoes = point_echoes(row=np.zeros(len(range_m)), range_m=range_m, amplitude=amplitude, azimuths=sensor.azimuths)
-    return echo_grid(echoes, sensor)[:1]
+    return echo_grid(echoes, sensor, rows=1)
 
 
 def thermal_noise(sensor: Sensor, *, rng: np.random.Generator) -> NDArray[np.float32]:

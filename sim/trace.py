@@ -22,8 +22,13 @@ from echoscape.sim.motion import MoverStates, RowPoses
 from echoscape.sim.paths import Rays, ReturnPaths, Scatterer, picked
 from echoscape.sim.scattering import Surfaces
 from echoscape.sim.sensor import Sensor
+from echoscape.sim.speckle import hash32
 from echoscape.sim.town_scene import TownScene
 
+LIKELY_BRDF = 0.3
+"""Scattering [1/sr] of a rough wall met head on: what a mirrored ray is assumed to meet next."""
+LEAST_CHANCE = 0.1
+"""A mirrored ray goes on at least this often: it may meet a glint, which is a thousand times brighter."""
 GROUND_CLASSES = tuple(CLASSES.index(name) for name in ("none", "ground", "road", "pavement", "kerb"))
 
 
@@ -35,7 +40,7 @@ class TraceSettings:
     """Rays of a row, a square number."""
     max_bounces: int = 3
     """Surfaces that a path may meet, out and back; 1 leaves direct echoes only."""
-    floor_db: float = -20.0
+    floor_db: float = -16.0
     """Echoes weaker than this against the mean thermal noise are left out [dB]."""
 
     def __post_init__(self) -> None:
@@ -93,7 +98,9 @@ class Tracer:
             speckle=speckle,
         )
         floor_units = sensor.noise_units * 10 ** (settings.floor_db / 10)
-        self._floor_w = floor_units / units_per_watt(sensor) / 10 ** (max(y for _, y in sensor.range_gain_db) / 10)
+        self._floor_w = (
+            floor_units / units_per_watt(sensor) / 10 ** (max(y for _, y in sensor.range_gain_db) / 10)
+        )
         self._hearing = Hearing(sensor, antenna, floor_w=self._floor_w, doppler=doppler)
         self._obstacle = ~np.isin(instance_class, GROUND_CLASSES)
 
@@ -102,24 +109,26 @@ class Tracer:
         world = World(self._scene, states, self._sensor.azimuths)
         self._hearing.place(poses)
         rays = self._first_rays(poses)
-        heard: list[tuple[ReturnPaths, Heard]] = []
+        heard: list[tuple[ReturnPaths, Heard] | None] = []
         first_m = np.full(self._sensor.azimuths, np.inf, np.float32)
         for depth in range(1, self._settings.max_bounces + 1):
             hits = self._meet(world, rays)
             if depth == 1:
                 first_m = self._first_obstacle(hits)
             index = dr.compress(hits.active)
-            rays, hits = picked(rays, index), picked(hits, index)
             if len(index) == 0:
                 break
+            rays, hits = picked(rays, index), picked(hits, index)
+            dr.eval(rays, hits)
             if 2 * depth - 1 <= self._settings.max_bounces:
-                heard += self._hearing.hear(self._scatterer.same_path(rays, hits, depth=depth))
+                heard.append(self._hearing.hear(self._scatterer.same_path(rays, hits, depth=depth)))
             if depth > 1:
-                heard += self._hearing.hear(self._loops(world, rays, hits, poses, depth=depth))
-            rays = self._onward(rays, hits)
-            if len(rays.row) == 0:
-                break
-        return _gathered(heard, first_m)
+                heard.append(self._hearing.hear(self._loops(world, rays, hits, poses, depth=depth)))
+            if depth < self._settings.max_bounces:
+                rays = self._onward(rays, hits, depth=depth)
+                if len(rays.row) == 0:
+                    break
+        return _gathered([each for each in heard if each is not None], first_m)
 
     def _first_rays(self, poses: RowPoses) -> Rays:
         """Point the set of directions along each row's heading from each row's place."""
@@ -137,6 +146,7 @@ class Tracer:
             travelled=dr.zeros(mi.Float64, dr.width(row)),
             weight=dr.full(mi.Float, 1, dr.width(row)),
             row=row,
+            number=dr.arange(mi.UInt32, dr.width(row)),
             density=self._density,
             gain=self._gain,
             start=origin,
@@ -160,24 +170,38 @@ class Tracer:
         """Return the loop returns of hits that would be heard and that see the radar."""
         sensor = mi.Point3d(dr.gather(mi.Vector3d, mi.Float64(poses.position.ravel()), rays.row))
         loops = self._scatterer.loop(rays, hits, sensor, depth=depth)
-        index = dr.compress(loops.power * self._hearing.loop_gain(loops) > self._floor_w)
-        loops = picked(loops, index)
-        place, normal, sensor = (
-            dr.gather(type(array), array, index) for array in (hits.place, hits.normal, sensor)
+        loud = loops.power * self._hearing.loop_gain(loops) > self._floor_w
+        start = hits.place + hits.normal * 1e-3
+        dr.eval(loops, loud, start, sensor)
+        index = dr.compress(loud)
+        loops, start, sensor = (
+            picked(loops, index),
+            dr.gather(type(start), start, index),
+            dr.gather(type(sensor), sensor, index),
         )
-        start = place + normal * 1e-3
         way = sensor - start
         length = dr.norm(way)
-        hidden = world.blocked(start, way / length, loops.row, mi.Float(length), dr.full(mi.Bool, True, len(index)))
+        hidden = world.blocked(
+            start, way / length, loops.row, mi.Float(length), dr.full(mi.Bool, True, len(index))
+        )
+        dr.eval(loops, hidden)
         return picked(loops, dr.compress(~hidden))
 
-    def _onward(self, rays: Rays, hits: Hits) -> Rays:
-        """Return the mirrored rays that could still be heard off a perfect reflector facing them."""
+    def _onward(self, rays: Rays, hits: Hits, *, depth: int) -> Rays:
+        """Return the mirrored rays that are worth following.
+
+        A ray whose next return is likely to be weak goes on with the chance of that return over the floor, and
+        stands for as many more (Russian roulette; Arvo & Kirk 1990): the mean stays, the work shrinks.
+        """
         onward = self._scatterer.mirrored(rays, hits)
-        # A facing mirror of waviness 0.01 has a BRDF of some 400 / sr; nothing in the material table exceeds 4000.
-        bound = link_w_m2(self._sensor) * rays.gain * onward.weight * 4000 / rays.density
-        bound /= dr.square(mi.Float(onward.travelled))
-        return picked(onward, dr.compress(bound > self._floor_w))
+        likely = link_w_m2(self._sensor) * dr.square(onward.weight * rays.gain) * LIKELY_BRDF / rays.density
+        chance = likely / dr.square(mi.Float(onward.travelled)) / self._floor_w
+        chance = dr.select(onward.weight > 1e-6, dr.clip(chance, LEAST_CHANCE, 1), 0)
+        lot = mi.Float(hash32(rays.number ^ (0x51ED270B * depth)) >> 8) * (1.0 / 16777216.0)
+        onward.density = rays.density * chance
+        goes = lot < chance
+        dr.eval(onward, goes)
+        return picked(onward, dr.compress(goes))
 
 
 def _gathered(heard: list[tuple[ReturnPaths, Heard]], first_m: NDArray[np.float32]) -> Echoes:
@@ -187,7 +211,9 @@ def _gathered(heard: list[tuple[ReturnPaths, Heard]], first_m: NDArray[np.float3
         sources.append(part.source + np.uint32(start))
         start += dr.width(paths.row)
     returns = Returns(
-        bounces=_joined([np.full(dr.width(paths.row), paths.bounces, np.uint8) for paths, _ in heard], np.uint8),
+        bounces=_joined(
+            [np.full(dr.width(paths.row), paths.bounces, np.uint8) for paths, _ in heard], np.uint8
+        ),
         instance=_joined([paths.instance.numpy() for paths, _ in heard], np.uint32),
         material=_joined([paths.material.numpy().astype(np.uint8) for paths, _ in heard], np.uint8),
         moving=_joined([paths.moving.numpy() for paths, _ in heard], np.bool_),

@@ -1,7 +1,8 @@
 """What made each cell of a scan, known because the scan was made.
 
 The receiver tells how much of a cell's power echoes, noise and distortion have alone; the largest names the
-cell. Where that is echoes, the strongest echo within whose point spread the cell lies says which thing it was.
+cell. Where that is echoes, the strongest echo within whose point spread the cell lies says which thing it was, if
+those in the main beam explain the power at all; else it is a sidelobe, of the beam or of the range window.
 """
 
 from dataclasses import dataclass
@@ -32,8 +33,8 @@ class Component(IntEnum):
 
 
 EXPLAINED = 0.1
-"""Share of a cell's echo power that an echo's point spread must reach to name the cell (speckle adds echoes of
-like strength in any phase, so a cell may hold much more or less than its strongest echo)."""
+"""Share of a cell's echo power that the echoes within the point spread must reach, added by power, to explain
+it: speckle adds them in any phase, so a cell may hold much more or less."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,13 +108,15 @@ class Labeller:
         """Return the truth of every cell of a scan."""
         component = self._largest(received)
         cells = np.flatnonzero(component == Component.DIRECT)
-        strength, source, side = self._dominant(echoes, cells)
+        main_beam, source, side = self._dominant(echoes, cells)
         echo = received.echo.ravel()[cells]
         bins = cells % self._sensor.bins
-        explained = strength * self._unit_gain[bins] >= EXPLAINED * echo
-        bounces = echoes.returns.bounces[source] if len(echoes.returns.bounces) else np.ones(len(cells), np.uint8)
+        explained = (main_beam * self._unit_gain[bins] >= EXPLAINED * echo) & ~side
+        bounces = (
+            echoes.returns.bounces[source] if len(echoes.returns.bounces) else np.ones(len(cells), np.uint8)
+        )
         kind = np.where(bounces > 1, Component.GHOST, Component.DIRECT).astype(np.uint8)
-        kind = np.where(explained & ~side, kind, np.uint8(Component.SIDELOBE))
+        kind = np.where(explained, kind, np.uint8(Component.SIDELOBE))
         if leakage:
             leaks = self._leakage[0, bins] * 2 >= echo
             kind = np.where(leaks, np.uint8(Component.LEAKAGE), kind)
@@ -134,7 +137,8 @@ class Labeller:
     def _dominant(
         self, echoes: Echoes, cells: NDArray[np.int64]
     ) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.bool_]]:
-        """Return, for flat cell numbers (C,), the strongest spread echo's power there [W], its return, sidelobe.
+        """Return, for flat cell numbers (C,): the power that main-beam echoes spread there [W], the strongest
+        one's return, and whether that one came through a sidelobe after all.
 
         The largest (power, source) pair of each cell is found with an integer maximum, which no order changes.
         """
@@ -142,34 +146,53 @@ class Labeller:
         size = sensor.azimuths * sensor.bins
         place = np.rint(grid_place(echoes.range_m, sensor)).astype(np.int32)
         inside = (place >= 0) & (place < sensor.bins)
-        cell = mi.UInt32((echoes.row * np.int32(sensor.bins) + np.where(inside, place, 0)).astype(np.uint32))
+        number = echoes.row * np.int32(sensor.bins) + np.where(inside, place, 0)
         amplitude = echoes.amplitude
         power = np.square(amplitude.real) + np.square(amplitude.imag)
+        main = np.bincount(number, power * (inside & ~echoes.sidelobe), size)
         tag = echoes.source * np.uint32(2) + echoes.sidelobe
         key = (mi.UInt64(dr.reinterpret_array(mi.UInt32, mi.Float(power))) << 32) | mi.UInt64(mi.UInt32(tag))
         best = dr.zeros(mi.UInt64, size)
-        dr.scatter_reduce(dr.ReduceOp.Max, best, key, cell, mi.Bool(inside))
-        at = mi.UInt32(cells.astype(np.uint32))
-        strength, found = mi.Float(-1), mi.UInt32(0)
-        column = mi.Int32(at % sensor.bins)
+        dr.scatter_reduce(dr.ReduceOp.Max, best, key, mi.UInt32(number.astype(np.uint32)), mi.Bool(inside))
+        strength, tags = self._spread(
+            best, mi.Float(main.astype(np.float32)), mi.UInt32(cells.astype(np.uint32))
+        )
+        return strength, tags >> 1, (tags & 1).astype(np.bool_)
+
+    def _spread(
+        self, best: "mi.UInt64", main: "mi.Float", cells: "mi.UInt32"
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        """Return the sum of `main` over the point spread about each cell, and the tag of the largest `best`."""
+        bins, column = self._sensor.bins, mi.Int32(cells % self._sensor.bins)
+        total, largest, tags = mi.Float(0), mi.Float(-1), mi.UInt32(0)
         for offset in range(-len(self._shape) + 1, len(self._shape)):
-            valid = (column + offset >= 0) & (column + offset < sensor.bins)
-            here = dr.gather(mi.UInt64, best, mi.UInt32(mi.Int32(at) + offset), valid)
-            there = dr.reinterpret_array(mi.Float, mi.UInt32(here >> 32)) * float(self._shape[abs(offset)])
-            better = valid & (there > strength)
-            strength = dr.select(better, there, strength)
-            found = dr.select(better, mi.UInt32(here & 0xFFFFFFFF), found)
-        dr.eval(strength, found)
-        tags = found.numpy()
-        return strength.numpy(), tags >> 1, (tags & 1).astype(np.bool_)
+            share = float(self._shape[abs(offset)])
+            valid = (column + offset >= 0) & (column + offset < bins)
+            place = mi.UInt32(mi.Int32(cells) + offset)
+            total += dr.gather(mi.Float, main, place, valid) * share
+            pair = dr.gather(mi.UInt64, best, place, valid)
+            power = dr.reinterpret_array(mi.Float, mi.UInt32(pair >> 32)) * share
+            better = valid & (power > largest)
+            largest = dr.select(better, power, largest)
+            tags = dr.select(better, mi.UInt32(pair & 0xFFFFFFFF), tags)
+        dr.eval(total, tags)
+        return total.numpy(), tags.numpy()
 
     def _filled(
-        self, echoes: Echoes, component: NDArray[np.uint8], cells: NDArray[np.int64], source: NDArray[np.uint32]
+        self,
+        echoes: Echoes,
+        component: NDArray[np.uint8],
+        cells: NDArray[np.int64],
+        source: NDArray[np.uint32],
     ) -> CellTruth:
         """Return the truth with the things of the named cells filled in."""
         size, shape = component.size, component.shape
         instance = np.zeros(size, np.uint32)
-        class_id, bounces, moving = np.zeros(size, np.uint8), np.zeros(size, np.uint8), np.zeros(size, np.bool_)
+        class_id, bounces, moving = (
+            np.zeros(size, np.uint8),
+            np.zeros(size, np.uint8),
+            np.zeros(size, np.bool_),
+        )
         instance[cells] = echoes.returns.instance[source]
         class_id[cells] = self._classes[echoes.returns.instance[source]]
         bounces[cells] = echoes.returns.bounces[source]

@@ -37,8 +37,8 @@ def grid_place(range_m: NDArray, sensor: Sensor) -> NDArray[np.float64]:
     return np.asarray(range_m, np.float64) / sensor.bin_m - BIN_CENTRE
 
 
-def echo_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.complex64]:
-    """Lay echoes on the grid of range bins: (azimuths, fft_size / 2) complex64 [sqrt(W)].
+def echo_grid(echoes: Echoes, sensor: Sensor, *, rows: int | None = None) -> NDArray[np.complex64]:
+    """Lay echoes on the grid of range bins: (rows or azimuths, fft_size / 2) complex64 [sqrt(W)].
 
     Sums run in the order of the echoes, so the result does not depend on threads. Echoes nearer than half a bin
     or beyond the grid are clamped to its ends.
@@ -48,8 +48,9 @@ def echo_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.complex64]:
     cell = place.astype(np.int64)
     fraction = (place - cell).astype(np.float32)
     index = echoes.row * np.int64(bins) + cell
-    size = sensor.azimuths * bins
-    grid = np.empty((sensor.azimuths, bins), np.complex64)
+    rows = sensor.azimuths if rows is None else rows
+    size = rows * bins
+    grid = np.empty((rows, bins), np.complex64)
     for part in ("real", "imag"):
         values = getattr(echoes.amplitude, part)
         upper = values * fraction
