@@ -95,7 +95,7 @@ class Pavement:
 
     def trees(self, share: float) -> None:
         """Plant street trees where the pavement is wide enough."""
-        if self._type.pavement_m < 2.2 or self._rng.random() > 0.6:
+        if self._type.pavement_m < 2.2 or self._rng.random() > 0.45:
             return
         for distance in np.arange(self._rng.uniform(3.0, 9.0), self.length_m - 3.0, 11.0):
             if self._rng.random() < share:

@@ -66,7 +66,8 @@ def _uses(
 ) -> dict[int, Use]:
     """Choose a use for each block that is large enough; the outermost gets the most common one."""
     middle = shapely.Point(network.junctions.mean(axis=0))
-    names, weights = [use for use, _ in preset.uses], np.array([weight for _, weight in preset.uses])
+    names: list[Use] = [use for use, _ in preset.uses]
+    weights = np.array([weight for _, weight in preset.uses])
     uses: dict[int, Use] = {}
     for number, block in enumerate(blocks):
         drawn: Use = names[int(rng.choice(len(names), p=weights / weights.sum()))]

@@ -49,8 +49,8 @@ RULES: dict[str, LotRule] = {
         setback_m=(0.8, 3.2),
         gap=0.07,
         row=7,
-        front=("wall", "wall", "wall", "railing", "hedge", "hedge", ""),
-        back=0.35,
+        front=("wall", "wall", "wall", "railing", "hedge", "", ""),
+        back=0.25,
     ),
     "shops": LotRule(
         style="terrace",
@@ -71,7 +71,7 @@ RULES: dict[str, LotRule] = {
         gap=0.3,
         row=3,
         front=("hedge", "hedge", "wall", "boards", ""),
-        back=0.5,
+        back=0.35,
         drive=0.35,
     ),
     "flats": LotRule(
