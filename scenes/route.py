@@ -28,8 +28,8 @@ class RouteSettings:
     old course on average, an excursion lasts `explore_m`; a u-turn is due after `u_turn_every_m`.
     """
 
-    revisit_share: float = 0.45
-    explore_m: float = 500.0
+    revisit_share: float = 0.48
+    explore_m: float = 350.0
     retrace_m: float = 350.0
     u_turn_every_m: float = 2000.0
 

@@ -38,8 +38,8 @@ class SpeedSettings:
     open_share: tuple[float, float] = (0.8, 1.0)
     bend_mps2: tuple[float, float] = (0.9, 2.0)
     yaw_rate_rps: tuple[float, float] = (0.26, 0.58)
-    stop_chance: float = 0.4
-    yield_chance: float = 0.6
+    stop_chance: float = 0.44
+    yield_chance: float = 0.65
     stop_s: float = 12.0
     stop_range_s: tuple[float, float] = (2.0, 40.0)
     speed_up_mps2: tuple[float, float] = (0.9, 2.7)
