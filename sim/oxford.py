@@ -150,7 +150,9 @@ class OdometryRow:
     destination_radar_us: int
 
 
-def relative_pose(earlier: NDArray[np.float64], later: NDArray[np.float64]) -> tuple[float, float, float, float]:
+def relative_pose(
+    earlier: NDArray[np.float64], later: NDArray[np.float64]
+) -> tuple[float, float, float, float]:
     """Return x, y, z [m] and yaw [rad], Oxford axes, of the car at `later` seen from where it was at `earlier`.
 
     Both (4,): x, y, z [m] and yaw [rad] in the world, which has z up and yaw counter-clockwise.

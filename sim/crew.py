@@ -1,0 +1,196 @@
+"""Processes that make a dataset's scans side by side, each with the whole town, each scan as soon as one is free.
+
+Every scan is a function of the recipe and its number, so that who makes it and when cannot show in the result.
+"""
+
+import multiprocessing
+import os
+import pickle
+import signal
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+
+from echoscape.scenes.drive import Drive
+from echoscape.scenes.world import Mover, Town
+from echoscape.sim.oxford import write_png
+from echoscape.sim.recipe import Recipe
+from echoscape.sim.truth_files import write_truth
+from echoscape.sim.whole_files import remove_temporaries, temporary_beside
+
+
+class CrewError(RuntimeError):
+    """A worker died or failed; the message says which, at which scan."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenery:
+    """The world that a dataset's scans see: a town, the car's drive, and everybody who moves."""
+
+    town: Town
+    drive: Drive
+    movers: tuple[Mover, ...]
+
+
+@dataclass(frozen=True)
+class _Failure:
+    """What a worker sends when a scan could not be made."""
+
+    story: str
+
+
+def make_scans(
+    out: Path,
+    recipe: Recipe,
+    scenery: Scenery,
+    *,
+    workers: int,
+    threads: int | None,
+    report: Callable[[int], None],
+) -> None:
+    """Make those of the recipe's scans that `out` lacks; `report` gets the number that are there.
+
+    Raises:
+        CrewError: a worker died or failed.
+    """
+    report(0)
+    if workers > 1:
+        _Crew(out, recipe, scenery, workers=workers, threads=threads).make(recipe.scans, report)
+        return
+    maker = ScanMaker(out, recipe, scenery, threads=threads)
+    for index in range(recipe.scans):
+        maker.make(index)
+        report(index + 1)
+
+
+class ScanMaker:
+    """Makes scans of a recipe and writes them with their truth."""
+
+    def __init__(self, out: Path, recipe: Recipe, scenery: Scenery, *, threads: int | None) -> None:
+        """`threads` for Dr.Jit in this process; None leaves it as it is."""
+        from echoscape.sim.backend import set_threads
+        from echoscape.sim.scan import Simulator
+
+        if threads is not None:
+            set_threads(threads)
+        self._out = out
+        self._simulator = Simulator(
+            scenery.town,
+            scenery.drive,
+            scenery.movers,
+            seed=recipe.seed,
+            sensor=recipe.sensor,
+            settings=recipe.trace,
+            artefacts=recipe.artefacts,
+        )
+
+    def make(self, index: int) -> None:
+        """Make scan `index` unless it is there; its picture comes last, so that it stands for the whole scan."""
+        from echoscape.sim.scan import EPOCH_US
+
+        stamp = EPOCH_US + round(self._simulator.turn(index).start_s * 1e6)
+        picture = self._out / "radar" / f"{stamp}.png"
+        if picture.exists():
+            return
+        scan = self._simulator.scan(index)
+        if scan.truth is None or int(scan.timestamp_us[0]) != stamp:
+            raise CrewError(
+                f"scan {index} has no truth, or begins at {scan.timestamp_us[0]} us instead of {stamp}"
+            )
+        write_truth(self._out / "truth" / f"{stamp}.npz", scan.truth)
+        write_png(picture, scan)
+
+
+class _Crew:
+    """Worker processes and the pipes to them."""
+
+    def __init__(
+        self, out: Path, recipe: Recipe, scenery: Scenery, *, workers: int, threads: int | None
+    ) -> None:
+        self._out, self._recipe, self._scenery = out, recipe, scenery
+        self._threads = threads or max(1, (os.cpu_count() or 1) // workers)
+        self._workers = workers
+        self._hands: dict[Connection, BaseProcess] = {}
+        self._busy: dict[Connection, int] = {}
+
+    def make(self, scans: int, report: Callable[[int], None]) -> None:
+        """Hand out the scans one by one until all are made; whatever happens, no process stays behind."""
+        town_file = temporary_beside(self._out / "town")
+        try:
+            town_file.write_bytes(pickle.dumps(self._scenery, protocol=pickle.HIGHEST_PROTOCOL))
+            self._start(town_file)
+            done, to_do = 0, iter(range(scans))
+            self._busy = {pipe: -1 for pipe in self._hands}
+            while self._busy:
+                for pipe in wait(list(self._busy)):
+                    done += self._answer(pipe) >= 0  # type: ignore[arg-type]
+                    self._hand_out(pipe, to_do)  # type: ignore[arg-type]
+                report(done)
+        finally:
+            self._stop()
+            remove_temporaries(self._out)
+
+    def _start(self, town_file: Path) -> None:
+        """Start the workers, each with its own Python, so that none inherits threads or compiled kernels."""
+        context = multiprocessing.get_context("spawn")
+        for number in range(self._workers):
+            ours, theirs = context.Pipe()
+            arguments = (theirs, town_file, self._out, self._recipe, self._threads)
+            process = context.Process(target=_work, args=arguments, name=f"worker {number + 1}", daemon=True)
+            process.start()
+            theirs.close()
+            self._hands[ours] = process
+
+    def _hand_out(self, pipe: Connection, to_do: Iterator[int]) -> None:
+        """Give a worker its next scan, or nothing more."""
+        index = next(to_do, None)
+        if index is None:
+            del self._busy[pipe]
+        else:
+            self._busy[pipe] = index
+            pipe.send(index)
+
+    def _answer(self, pipe: Connection) -> int:
+        """Return the scan that a worker reports as made, -1 when it reports that it is ready."""
+        index, process = self._busy[pipe], self._hands[pipe]
+        doing = f"making scan {index}" if index >= 0 else "starting"
+        try:
+            answer = pipe.recv()
+        except (EOFError, OSError) as error:
+            process.join(10)
+            raise CrewError(f"{process.name} died while {doing} ({_ending(process.exitcode)})") from error
+        if isinstance(answer, _Failure):
+            raise CrewError(f"{process.name} failed while {doing}:\n{answer.story}")
+        return index
+
+    def _stop(self) -> None:
+        for pipe, process in self._hands.items():
+            pipe.close()
+            process.terminate()
+        for process in self._hands.values():
+            process.join()
+
+
+def _ending(code: int | None) -> str:
+    if code is not None and code < 0:
+        return f"signal {signal.Signals(-code).name}"
+    return f"exit code {code}"
+
+
+def _work(pipe: Connection, town_file: Path, out: Path, recipe: Recipe, threads: int) -> None:
+    """Make the scans that come through the pipe until it closes; Ctrl-C is the parent's business."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        scenery = pickle.loads(town_file.read_bytes())
+        maker = ScanMaker(out, recipe, scenery, threads=threads)
+        pipe.send(None)
+        while True:
+            maker.make(pipe.recv())
+            pipe.send(None)
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        return
+    except Exception:
+        pipe.send(_Failure(traceback.format_exc()))

@@ -1,0 +1,170 @@
+"""Writes a dataset folder from a recipe: the town, its traffic, scans with their truth, and how the car moved.
+
+The folder has the layout of the Oxford Radar RobotCar data set with our truth beside it (docs/conventions.md).
+Its bytes depend on the recipe alone: not on workers, threads, or how often the run was stopped and resumed.
+"""
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from echoscape.scenes.drive import plan_drive
+from echoscape.scenes.export import town_to_glb
+from echoscape.scenes.town import build_town
+from echoscape.scenes.traffic import plan_traffic
+from echoscape.sim.crew import Scenery, make_scans
+from echoscape.sim.manifest import FILE_NAME, difference, manifest, manifest_text, read_manifest
+from echoscape.sim.oxford import OdometryRow, relative_pose, write_odometry, write_timestamps
+from echoscape.sim.recipe import Recipe
+from echoscape.sim.tracks import movers_csv, tracks_csv
+from echoscape.sim.truth_files import read_arrays
+from echoscape.sim.whole_files import DatasetError, remove_temporaries, write_whole
+
+Progress = Callable[[str, int, int], None]
+"""Called with a stage (town, traffic, scene, scans), how much of it is done, and how much there is to do."""
+
+FOLDERS = ("radar", "truth", "gt")
+
+
+def write_dataset(
+    out: Path,
+    recipe: Recipe,
+    *,
+    workers: int = 1,
+    threads: int | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> None:
+    """Make the dataset of `recipe` in the folder `out`.
+
+    Workers are processes that trace scans side by side, `threads` each (None: the processors shared out). With
+    `resume`, a run that was stopped is continued: only the scans that are missing are made.
+
+    Raises:
+        ValueError: workers or threads is below 1.
+        DatasetError: `out` is not empty, or holds another recipe's dataset.
+        OSError: `out` cannot be written to.
+        CrewError: a worker died or failed; what was made is kept and can be resumed.
+    """
+    out, report = Path(out), progress or (lambda stage, done, total: None)
+    check_arguments(out, workers=workers, threads=threads, resume=resume)
+    first_made = _make_folder(out)
+    try:
+        _claim(out, recipe)
+        missing = recipe.scans - len(list((out / "radar").glob("*.png")))
+        scenery = _scenery(recipe, report) if missing else None
+        if scenery is not None:
+            _write_scenery(out, recipe, scenery, report)
+    except BaseException:
+        if not resume:
+            _unmake(out, first_made)
+        raise
+    if scenery is not None:
+        make_scans(
+            out,
+            recipe,
+            scenery,
+            workers=min(workers, missing),
+            threads=threads,
+            report=lambda done: report("scans", done, recipe.scans),
+        )
+    _write_motion(out, recipe)
+
+
+def check_arguments(out: Path, *, workers: int, threads: int | None, resume: bool) -> None:
+    """Refuse what `write_dataset` could not carry out, before anything is made; for errors see there."""
+    for name, value in (("workers", workers), ("threads", 1 if threads is None else threads)):
+        if value < 1:
+            raise ValueError(f"{name} must be 1 or more, got {value}")
+    if out.exists() and not out.is_dir():
+        raise DatasetError(f"OUT must be a folder, {out} is a file")
+    if out.is_dir() and any(out.iterdir()):
+        if not resume:
+            raise DatasetError(
+                f"OUT must be empty or new, {out} is not (--resume continues a run that was stopped)"
+            )
+        read_manifest(out)
+    place = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    if not (place.is_dir() and os.access(place, os.W_OK | os.X_OK)):
+        raise DatasetError(f"OUT cannot be made: {place} cannot be written to")
+
+
+def _make_folder(out: Path) -> Path | None:
+    """Make `out` and return the outermost folder that had to be made for it, or None."""
+    made = [folder for folder in (out, *out.absolute().parents) if not folder.exists()]
+    out.mkdir(parents=True, exist_ok=True)
+    return made[-1] if made else None
+
+
+def _unmake(out: Path, first_made: Path | None) -> None:
+    """Remove everything in `out`, which was empty, and the folders that were made for it."""
+    for path in out.iterdir():
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    if first_made is not None:
+        shutil.rmtree(first_made)
+
+
+def _claim(out: Path, recipe: Recipe) -> None:
+    """Write the recipe into the folder, or see that it holds the same one; make its folders, tidy it."""
+    content = manifest(recipe)
+    if (out / FILE_NAME).exists():
+        differing = difference(read_manifest(out), content)
+        if differing is not None:
+            raise DatasetError(f"OUT holds another dataset, which --resume cannot continue: {differing}")
+    remove_temporaries(out)
+    for name in FOLDERS:
+        (out / name).mkdir(exist_ok=True)
+    write_whole(out / FILE_NAME, manifest_text(content).encode())
+
+
+def _scenery(recipe: Recipe, report: Progress) -> Scenery:
+    """Build the town, plan the drive and the traffic."""
+    report("town", 0, 1)
+    town = build_town(recipe.preset, seed=recipe.seed)
+    report("town", 1, 1)
+    report("traffic", 0, 1)
+    drive = plan_drive(town, seed=recipe.seed, duration_s=recipe.duration_s, settings=recipe.drive)
+    movers = plan_traffic(town, drive, seed=recipe.seed, settings=recipe.traffic)
+    report("traffic", 1, 1)
+    return Scenery(town=town, drive=drive, movers=movers)
+
+
+def _write_scenery(out: Path, recipe: Recipe, scenery: Scenery, report: Progress) -> None:
+    """Write the town for viewers and the movers' tracks, unless a stopped run has."""
+    report("scene", 0, 1)
+    if not (out / "tracks.csv").exists():
+        write_whole(out / "scene.glb", town_to_glb(scenery.town))
+        write_whole(out / "movers.csv", movers_csv(scenery.movers).encode())
+        times = np.arange(0.0, recipe.duration_s, 1 / recipe.sensor.rotation_hz)
+        write_whole(out / "tracks.csv", tracks_csv(scenery.drive.trajectory, scenery.movers, times).encode())
+    report("scene", 1, 1)
+
+
+def _write_motion(out: Path, recipe: Recipe) -> None:
+    """Write the files that list scans, from the scans themselves."""
+    stamps = sorted(int(path.stem) for path in (out / "radar").glob("*.png"))
+    if len(stamps) != recipe.scans:
+        raise DatasetError(f"{out / 'radar'}: {len(stamps)} scans where {recipe.scans} should be")
+    frames = [read_arrays(out / "truth" / f"{stamp}.npz", ("middle_us", "middle_pose")) for stamp in stamps]
+    rows = []
+    for i in range(1, len(stamps)):
+        x, y, z, yaw = relative_pose(frames[i - 1]["middle_pose"], frames[i]["middle_pose"])
+        rows.append(
+            OdometryRow(
+                source_us=int(frames[i]["middle_us"]),
+                destination_us=int(frames[i - 1]["middle_us"]),
+                x=x,
+                y=y,
+                z=z,
+                roll=0.0,
+                pitch=0.0,
+                yaw=yaw,
+                source_radar_us=stamps[i],
+                destination_radar_us=stamps[i - 1],
+            )
+        )
+    write_odometry(out / "gt" / "radar_odometry.csv", rows)
+    write_timestamps(out / "radar.timestamps", stamps)

@@ -1,0 +1,93 @@
+"""What a dataset is made from: a preset, a seed, a number of scans, and every setting of what makes them.
+
+A recipe is checked when it is made, so that nothing senseless gets as far as a file or a ray.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
+
+from echoscape.scenes.drive import DURATION_RANGE_S, DriveSettings
+from echoscape.scenes.presets import PRESETS
+from echoscape.scenes.traffic import TrafficSettings
+from echoscape.sim.artefacts import Artefacts
+from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.sensor import Sensor
+from echoscape.sim.trace import TraceSettings
+
+_JITTERS = 2.5
+"""Standard deviations beyond which no turn's duration is drawn (sim.motion.turns)."""
+
+_POSITIVE = ("traffic.near_m", "traffic.step_s", "drive.knot_s", "drive.corner_m", "drive.wander_length_m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """All that decides the bytes of a dataset."""
+
+    preset: str = "town"
+    """Kind of world: town, suburb, industrial, motorway, open or empty."""
+    seed: int = 0
+    """Seed of everything that is drawn: the town, the drive, the traffic, rays, speckle and noise."""
+    scans: int = 40
+    """Scans to make, four a second of driving."""
+    sensor: Sensor = CTS350X
+    """The radar."""
+    trace: TraceSettings = field(default_factory=TraceSettings)
+    """How finely and how far a scan is traced."""
+    artefacts: Artefacts = field(default_factory=Artefacts)
+    """The effects that a scan has."""
+    drive: DriveSettings = field(default_factory=DriveSettings)
+    """How the car is driven."""
+    traffic: TrafficSettings = field(default_factory=TrafficSettings)
+    """Who else is on the road."""
+
+    def __post_init__(self) -> None:
+        """Refuse settings that make no dataset, naming the setting."""
+        if self.preset not in PRESETS:
+            raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
+        if self.seed < 0:
+            raise ValueError(f"seed must be 0 or more, got {self.seed}")
+        if self.scans < 1:
+            raise ValueError(f"scans must be 1 or more, got {self.scans}")
+        side = math.isqrt(max(self.trace.rays, 0))
+        if side * side != self.trace.rays or side < 4:
+            raise ValueError(f"trace.rays must be a square number of 16 or more, got {self.trace.rays}")
+        if not 0 <= self.sensor.rotation_jitter_s < 0.1 / self.sensor.rotation_hz:
+            raise ValueError(
+                "sensor.rotation_jitter_s must be 0 or more and below a tenth of a turn, "
+                f"got {self.sensor.rotation_jitter_s}"
+            )
+        for name, value in (*_numbers("drive", self.drive), *_numbers("traffic", self.traffic)):
+            _check_number(name, value)
+        if self.duration_s > DURATION_RANGE_S[1]:
+            most = int(self.scans * DURATION_RANGE_S[1] / self.duration_s) - 1
+            raise ValueError(
+                f"scans must be {most} or fewer (a drive lasts at most {DURATION_RANGE_S[1]:g} s), got {self.scans}"
+            )
+
+    @property
+    def duration_s(self) -> float:
+        """Length of a drive that outlasts the scans [s], however long their turns turn out."""
+        longest_turn_s = 1 / self.sensor.rotation_hz + _JITTERS * self.sensor.rotation_jitter_s
+        return 1.0 + self.scans * longest_turn_s
+
+
+def _numbers(name: str, settings: object) -> Iterator[tuple[str, float]]:
+    """Yield the dotted name and value of every number in `settings`, a dataclass, tuple, or number."""
+    if is_dataclass(settings):
+        for each in fields(settings):
+            yield from _numbers(f"{name}.{each.name}", getattr(settings, each.name))
+    elif isinstance(settings, tuple):
+        for value in settings:
+            yield from _numbers(name, value)
+    elif isinstance(settings, (int, float)):
+        yield name, settings
+
+
+def _check_number(name: str, value: float) -> None:
+    """Refuse a setting of drive or traffic that is not finite, is negative, or is 0 where that makes no sense."""
+    if not math.isfinite(value):
+        raise ValueError(f"{name} must be finite, got {value}")
+    if value < 0 or (value == 0 and name in _POSITIVE):
+        raise ValueError(f"{name} must be {'above 0' if name in _POSITIVE else '0 or more'}, got {value:g}")
