@@ -164,4 +164,4 @@ def test_same_seed_same_drive(blocks: RoadGraph) -> None:
 )
 def test_refuses_spans_out_of_range(blocks: RoadGraph, name: str, span: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=name):
-        plan_drive(blocks, seed=0, **span)
+        plan_drive(blocks, seed=0, duration_s=span.get("duration_s"), length_m=span.get("length_m"))
