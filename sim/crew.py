@@ -1,6 +1,6 @@
-"""Processes that make a dataset's scans side by side, each with the whole town, each scan as soon as one is free.
+"""Processes that make a dataset's scans side by side: each has the whole town and takes one scan at a time.
 
-Every scan is a function of the recipe and its number, so that who makes it and when cannot show in the result.
+A scan is a function of the recipe and its number, so that who makes it and when cannot show in the result.
 """
 
 import multiprocessing
@@ -88,7 +88,7 @@ class ScanMaker:
         )
 
     def make(self, index: int) -> None:
-        """Make scan `index` unless it is there; its picture comes last, so that it stands for the whole scan."""
+        """Make scan `index` unless it is there; its picture is written last and so stands for all of it."""
         from echoscape.sim.scan import EPOCH_US
 
         stamp = EPOCH_US + round(self._simulator.turn(index).start_s * 1e6)

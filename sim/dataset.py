@@ -1,6 +1,6 @@
-"""Writes a dataset folder from a recipe: the town, its traffic, scans with their truth, and how the car moved.
+"""Writes a dataset folder from a recipe: town, traffic, scans with their truth, and how the car moved.
 
-The folder has the layout of the Oxford Radar RobotCar data set with our truth beside it (docs/conventions.md).
+The layout is that of the Oxford Radar RobotCar data set with our truth beside it (docs/conventions.md).
 Its bytes depend on the recipe alone: not on workers, threads, or how often the run was stopped and resumed.
 """
 
@@ -40,8 +40,8 @@ def write_dataset(
 ) -> None:
     """Make the dataset of `recipe` in the folder `out`.
 
-    Workers are processes that trace scans side by side, `threads` each (None: the processors shared out). With
-    `resume`, a run that was stopped is continued: only the scans that are missing are made.
+    Workers are processes that trace scans side by side, `threads` each (None: the processors shared out).
+    With `resume`, a run that was stopped is continued: only the scans that are missing are made.
 
     Raises:
         ValueError: workers or threads is below 1.

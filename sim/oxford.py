@@ -1,7 +1,7 @@
-"""The file layout of the Oxford Radar RobotCar data set: scans as PNG, their times, and the motion between them.
+"""The files of the Oxford Radar RobotCar data set: scans as PNG, their times, and the motion between them.
 
-Barnes et al., "The Oxford Radar RobotCar Dataset", ICRA 2020, and the files and loaders published with it. Our
-own conventions and these are set side by side in docs/conventions.md.
+Barnes et al., "The Oxford Radar RobotCar Dataset", ICRA 2020, and the files and loaders published with it.
+docs/conventions.md says how its axes and times relate to ours.
 """
 
 import csv
@@ -101,7 +101,7 @@ def _grey_pixels(path: Path) -> NDArray[np.uint8]:
 
 
 def write_timestamps(path: Path, stamps_us: Sequence[int]) -> None:
-    """Write `radar.timestamps`: the time stamp of each scan's first row, which is its file's name, and 1 for valid."""
+    """Write `radar.timestamps`: the time of each scan's first row, which names its file, and 1 for valid."""
     write_whole(path, "".join(f"{stamp} 1\n" for stamp in stamps_us).encode())
 
 
@@ -132,10 +132,10 @@ def _text(path: Path) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryRow:
-    """The pose of the later frame (source) in the earlier one's (destination), Oxford axes, mid-scan to mid-scan.
+    """The pose of the later frame (source) in the earlier one's (destination), mid-scan to mid-scan.
 
-    x forward, y right, z down [m]; yaw clockwise seen from above [rad]. Times are mid-scan [us], `_radar_us`
-    the time stamps that name the files [us].
+    x forward, y right, z down [m]; yaw clockwise seen from above [rad]. Times are mid-scan [us], those of
+    `_radar_us` name the files [us].
     """
 
     source_us: int
@@ -153,7 +153,7 @@ class OdometryRow:
 def relative_pose(
     earlier: NDArray[np.float64], later: NDArray[np.float64]
 ) -> tuple[float, float, float, float]:
-    """Return x, y, z [m] and yaw [rad], Oxford axes, of the car at `later` seen from where it was at `earlier`.
+    """Return x, y, z [m] and yaw [rad] in Oxford axes of the pose `later` seen from the pose `earlier`.
 
     Both (4,): x, y, z [m] and yaw [rad] in the world, which has z up and yaw counter-clockwise.
     """
@@ -178,7 +178,7 @@ def read_odometry(path: Path) -> list[OdometryRow]:
     """Return the rows of a `radar_odometry.csv`.
 
     Raises:
-        DatasetError: the file is absent, has another header, or a row of it is no motion; the message names both.
+        DatasetError: the file is absent, has another header, or a row is no motion; the message names both.
     """
     lines = list(csv.reader(_text(path).splitlines()))
     if not lines or tuple(lines[0]) != ODOMETRY_HEADER:

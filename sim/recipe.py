@@ -63,7 +63,7 @@ class Recipe:
         if self.duration_s > DURATION_RANGE_S[1]:
             most = int(self.scans * DURATION_RANGE_S[1] / self.duration_s) - 1
             raise ValueError(
-                f"scans must be {most} or fewer (a drive lasts at most {DURATION_RANGE_S[1]:g} s), got {self.scans}"
+                f"scans must be {most} or fewer, for a drive of at most {DURATION_RANGE_S[1]:g} s, got {self.scans}"
             )
 
     @property
@@ -86,7 +86,7 @@ def _numbers(name: str, settings: object) -> Iterator[tuple[str, float]]:
 
 
 def _check_number(name: str, value: float) -> None:
-    """Refuse a setting of drive or traffic that is not finite, is negative, or is 0 where that makes no sense."""
+    """Refuse a number of drive or traffic that is not finite, negative, or 0 where that makes no sense."""
     if not math.isfinite(value):
         raise ValueError(f"{name} must be finite, got {value}")
     if value < 0 or (value == 0 and name in _POSITIVE):
