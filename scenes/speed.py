@@ -32,14 +32,14 @@ class SpeedSettings:
     `unrest` is the rms of the slow ups and downs of the wanted speed, as a share of it.
     """
 
-    town_cruise_mps: tuple[float, float, float] = (2.5, 7.3, 10.6)
+    town_cruise_mps: tuple[float, float, float] = (2.6, 7.9, 11.0)
     stretch_m: float = 90.0
     open_limit_mps: float = 17.0
     open_share: tuple[float, float] = (0.8, 1.0)
     bend_mps2: tuple[float, float] = (0.9, 2.0)
     yaw_rate_rps: tuple[float, float] = (0.26, 0.58)
-    stop_chance: float = 0.44
-    yield_chance: float = 0.65
+    stop_chance: float = 0.42
+    yield_chance: float = 0.62
     stop_s: float = 12.0
     stop_range_s: tuple[float, float] = (2.0, 40.0)
     speed_up_mps2: tuple[float, float] = (0.9, 2.7)
