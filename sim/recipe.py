@@ -63,7 +63,7 @@ class Recipe:
         if self.duration_s > DURATION_RANGE_S[1]:
             most = int(self.scans * DURATION_RANGE_S[1] / self.duration_s) - 1
             raise ValueError(
-                f"scans must be {most} or fewer, for a drive of at most {DURATION_RANGE_S[1]:g} s, got {self.scans}"
+                f"scans must be {most} or fewer (drives end at {DURATION_RANGE_S[1]:g} s), got {self.scans}"
             )
 
     @property

@@ -1,0 +1,59 @@
+"""The `echoscape` command: finds the subcommand and imports that one only, so that help comes at once."""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.metadata import version
+
+COMMANDS = {
+    "simulate": "make a dataset: a town, a drive through it, its radar scans and their truth",
+}
+"""Subcommands and what they do; each is a module of this package with `main(arguments) -> int`."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return the exit code: 0 done, 1 failed, 2 wrong arguments, 130 interrupted."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] in (["--help"], ["-h"], []):
+        print(_help())
+        return 0 if words else 2
+    if words[0] == "--version":
+        print(f"echoscape {version('echoscape')}")
+        return 0
+    if words[0] not in COMMANDS:
+        print(f"echoscape: no command {words[0]!r}; there is {', '.join(COMMANDS)}", file=sys.stderr)
+        return 2
+    return _run(words[0], words[1:])
+
+
+def _run(command: str, words: list[str]) -> int:
+    try:
+        return import_module(f"echoscape.cli.{command}").main(words)
+    except KeyboardInterrupt:
+        print(f"echoscape {command}: interrupted", file=sys.stderr)
+        return 130
+    except RuntimeError as error:
+        if type(error).__name__ != "BackendError":  # its module is too heavy to import for its name
+            raise
+        print(f"echoscape {command}: {error}", file=sys.stderr)
+        return 1
+
+
+def _help() -> str:
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:{width}}  {purpose}" for name, purpose in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: echoscape COMMAND [OPTIONS]",
+            "",
+            "Ray-traced scans of a spinning FMCW radar in procedural towns, with exact truth.",
+            "",
+            *lines,
+            "",
+            "echoscape COMMAND --help lists a command's options; echoscape --version prints the version.",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,154 @@
+"""`echoscape simulate OUT`: parse a recipe, make its dataset with a progress bar, draw a preview, sum up."""
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from echoscape.sim.recipe import Recipe
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Make a dataset: a town, a drive through it, its radar scans and their truth."""
+
+    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
+    """Folder to write; it must be empty or new."""
+    recipe: Annotated[Recipe, tyro.conf.arg(name="")] = field(default_factory=Recipe)
+    """What to make."""
+    workers: int = 1
+    """Processes that make scans side by side; the result does not depend on it."""
+    threads: int | None = None
+    """Threads of each process; by default the processors are shared out."""
+    resume: bool = False
+    """Go on with a run that was stopped: make only the scans that OUT lacks."""
+    preview: bool = True
+    """Draw OUT/preview.png at the end."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the subcommand and return its exit code."""
+    from echoscape.sim.whole_files import DatasetError
+
+    try:
+        options = tyro.cli(Options, prog="echoscape simulate", args=list(arguments))
+        _check(options)
+    except (DatasetError, ValueError) as error:
+        return _refused(str(error), 2)
+    return _simulate(options)
+
+
+def _check(options: Options) -> None:
+    """Refuse what cannot be carried out before the ray tracer is loaded."""
+    from echoscape.sim.dataset import check_arguments
+
+    check_arguments(options.out, workers=options.workers, threads=options.threads, resume=options.resume)
+
+
+def _simulate(options: Options) -> int:
+    """Make the dataset that `options` describe and return the exit code."""
+    from echoscape.sim.crew import CrewError
+    from echoscape.sim.dataset import write_dataset
+    from echoscape.sim.whole_files import DatasetError
+
+    console, start = Console(stderr=True), time.monotonic()
+    try:
+        with _Stages(console) as stages:
+            write_dataset(
+                options.out,
+                options.recipe,
+                workers=options.workers,
+                threads=options.threads,
+                resume=options.resume,
+                progress=stages.report,
+            )
+            if options.preview:
+                stages.report("preview", 0, 1)
+                _draw(options.out)
+                stages.report("preview", 1, 1)
+    except KeyboardInterrupt:
+        hint = (
+            "add --resume to go on"
+            if (options.out / "echoscape.json").exists()
+            else "nothing was left behind"
+        )
+        return _refused(f"interrupted; {hint}", 130)
+    except DatasetError as error:
+        return _refused(str(error), 2)
+    except CrewError as error:
+        return _refused(f"{error}\nThe scans made so far are whole; add --resume to go on.", 1)
+    except OSError as error:
+        return _refused(f"OUT {options.out}: {error}", 2)
+    Console().print(_summary(options, seconds=time.monotonic() - start))
+    return 0
+
+
+def _draw(out: Path) -> None:
+    from echoscape.eval.preview import preview
+
+    preview(out)
+
+
+def _refused(message: str, code: int) -> int:
+    print(f"echoscape simulate: {message}", file=sys.stderr)
+    return code
+
+
+class _Stages:
+    """A progress bar a stage, each shown when it begins."""
+
+    def __init__(self, console: Console) -> None:
+        self._bars = Progress(
+            TextColumn("{task.description:8}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[rate]}"),
+            console=console,
+        )
+        self._tasks: dict[str, tuple[int, float, int]] = {}
+
+    def __enter__(self) -> "_Stages":
+        self._bars.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._bars.stop()
+
+    def report(self, stage: str, done: int, total: int) -> None:
+        """Show that `done` of `total` of a stage are there."""
+        if stage not in self._tasks:
+            task = self._bars.add_task(stage, total=total, completed=done, rate="")
+            self._tasks[stage] = (int(task), time.monotonic(), done)
+        task, since, first = self._tasks[stage]
+        made, seconds = done - first, time.monotonic() - since
+        rate = f"{made / seconds:.2f}/s" if stage == "scans" and made > 0 and seconds > 0 else ""
+        self._bars.update(task, completed=done, rate=rate)  # type: ignore[arg-type]
+
+
+def _summary(options: Options, *, seconds: float) -> Table:
+    """Return what was made as a small table."""
+    from echoscape.sim.oxford import read_odometry
+
+    out, recipe = options.out, options.recipe
+    motion = read_odometry(out / "gt" / "radar_odometry.csv")
+    size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    for name, value in (
+        ("folder", str(out)),
+        ("world", f"{recipe.preset}, seed {recipe.seed}"),
+        ("scans", f"{recipe.scans} of {recipe.sensor.azimuths} x {recipe.sensor.bins} cells, with truth"),
+        ("driven", f"{sum((row.x**2 + row.y**2) ** 0.5 for row in motion):.1f} m"),
+        ("size", f"{size / 1e6:.0f} MB"),
+        ("took", f"{seconds:.1f} s"),
+        *([("look at", str(out / "preview.png"))] if options.preview else []),
+    ):
+        table.add_row(name, value)
+    return table
