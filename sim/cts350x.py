@@ -27,9 +27,9 @@ CTS350X = Sensor(
     full_scale_db=67.0,  # [cal] to [M] largest code 136 (68 dB)
     tx_power_w=0.02,  # [cal] 13 dBm, usual for a single-chip 77 GHz transmitter
     antenna_gain_db=33.0,  # [cal] 4 pi over a beam of 1.8 deg x 12 deg at 70 % efficiency
-    system_loss_db=22.0,  # [cal] brings the level of a street's echoes to [M]
+    system_loss_db=13.0,  # [cal] brings the level of a street's echoes to [M]
     noise_figure_db=15.0,  # [cal] usual for 77 GHz receivers
-    noise_units=1.6,  # [M] mean power of quiet rows at far range
+    noise_units=1.57,  # [M] mean power of quiet rows at far range, and the shares of codes there
     range_gain_db=(  # [cal] to the lower envelope of [M] relative to the noise beyond 100 m
         (0.0, -4.0),
         (4.0, -3.0),
@@ -75,12 +75,12 @@ CTS350X = Sensor(
     phase_noise_dbc_hz=-88.0,  # [cal] usual for 77 GHz synthesisers inside the loop bandwidth
     phase_noise_corner_hz=300e3,  # [cal]
     leakage_dbm=(  # [cal] to [M] mean code 29-47 in bins 0-32, 5 at bin 70
-        (0.1, -92.0),
-        (0.45, -94.0),
-        (0.8, -95.0),
-        (1.2, -97.0),
-        (1.7, -105.0),
-        (2.3, -112.0),
+        (0.1, -98.0),
+        (0.45, -100.0),
+        (0.8, -101.0),
+        (1.2, -103.0),
+        (1.7, -111.0),
+        (2.3, -118.0),
     ),
     mount_height_m=2.0,  # [cal] on the roof of a compact car
     mount_tilt_deg=0.0,  # [cal]

@@ -2,8 +2,10 @@
 
 A beat tone carries exp(j (phi(t) - phi(t - tau))): near echoes cancel it, S_beat = S 4 sin^2(pi f tau)
 (Budge & Burt, IEEE RADAR 1993). Delay and beat frequency belong together, tau = f / slope, so delaying every
-tone by its own tau is the all-pass filter exp(-j pi f^2 / slope): undo it, multiply by exp(-j phi), do it, and
-multiply by exp(+j phi). That is exact for any strength of noise, with no loop over echoes.
+tone by its own tau is the all-pass filter D = exp(-j pi f^2 / slope) of residual video phase. A tone f that is
+multiplied by a modulation of frequency v must get exp(-j 2 pi f v / slope) = D(f + v) / (D(f) D(v)): take D out
+of the tones and of the modulation exp(-j phi), multiply, apply D, and multiply by exp(+j phi). That is exact
+for any strength of noise, with no loop over echoes.
 """
 
 from functools import lru_cache
@@ -43,8 +45,13 @@ def _count(sensor: Sensor) -> int:
 
 @lru_cache(maxsize=8)
 def _delay(sensor: Sensor, step_hz: float, count: int) -> NDArray[np.complex64]:
-    """Return the filter (count,) that delays tones of beat frequency f = 0, step, ... by their echoes' f / slope."""
+    """Return the filter (count,) that delays tones of beat frequency f = 0, step, ... by their echoes' f / slope.
+
+    Frequencies beyond the middle of a full transform are the negative ones.
+    """
     frequency_hz = np.arange(count) * step_hz
+    nyquist_hz = sensor.sample_hz / 2
+    frequency_hz = (frequency_hz + nyquist_hz) % sensor.sample_hz - nyquist_hz
     return np.exp(-1j * np.pi * frequency_hz**2 / sensor.slope_hz_s).astype(np.complex64)
 
 
@@ -59,16 +66,19 @@ def with_phase(
     grid: NDArray[np.complex64], sensor: Sensor, phase: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Return the beat signal (rows, samples) of a grid under the synthesiser's phase (rows, count) [rad]."""
-    count = phase.shape[1]
-    early = grid * _delay(sensor, sensor.sample_hz / sensor.fft_size, grid.shape[1]).conj()
+    count, size = phase.shape[1], sensor.fft_size
+    step_hz = sensor.sample_hz / size
+    early = grid * _delay(sensor, step_hz, grid.shape[1]).conj()
     carrier = np.empty(phase.shape, np.complex64)
     carrier.real, carrier.imag = np.cos(phase), np.sin(phase)
-    # The received wave's phase is needed at half the rate only: the analytic signal has half the band.
-    received = analytic_beat(early, sensor, count=count // 2)
-    received *= carrier[:, ::2].conj()
+    delay = _delay(sensor, step_hz * (size // count), count)
+    modulation = fft.fft(carrier.conj(), axis=1, overwrite_x=True)
+    modulation *= delay.conj()
+    received = analytic_beat(early, sensor, count=count)
+    received *= fft.ifft(modulation, axis=1, overwrite_x=True)
     tones = fft.fft(received, axis=1, overwrite_x=True)
-    tones *= _delay(sensor, sensor.sample_hz / count, count // 2) * np.float32(2)
-    full = fft.ifft(tones, count, axis=1)
+    tones *= delay
+    full = fft.ifft(tones, axis=1, overwrite_x=True)
     first = count // 2 - sensor.samples // 2
     inside = slice(first, first + sensor.samples)
     tone, turn = full[:, inside], carrier[:, inside]

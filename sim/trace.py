@@ -40,7 +40,7 @@ class TraceSettings:
     """Rays of a row, a square number."""
     max_bounces: int = 3
     """Surfaces that a path may meet, out and back; 1 leaves direct echoes only."""
-    floor_db: float = -16.0
+    floor_db: float = -8.0
     """Echoes weaker than this against the mean thermal noise are left out [dB]."""
 
     def __post_init__(self) -> None:

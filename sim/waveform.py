@@ -61,9 +61,9 @@ def echo_grid(echoes: Echoes, sensor: Sensor, *, rows: int | None = None) -> NDA
 
 
 @lru_cache(maxsize=8)
-def _weights_spectrum(sensor: Sensor, rate: int, count: int) -> NDArray[np.float32]:
+def _weights_spectrum(sensor: Sensor, count: int) -> NDArray[np.float32]:
     """Return sqrt(2) over the spectrum of the grid's linear weights (sinc^2: a triangle of a bin each way)."""
-    times = (np.arange(count) - count // 2) * rate
+    times = np.arange(count) - count // 2
     return (math.sqrt(2) / np.sinc(times / sensor.fft_size) ** 2).astype(np.float32)
 
 
@@ -74,19 +74,18 @@ def beat(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.float32]:
     signal = fft.irfft(grid, size, axis=1)
     signal += grid[:, :1].real / np.float32(size)
     middle = np.concatenate([signal[:, -half:], signal[:, :half]], axis=1)
-    return middle * (_weights_spectrum(sensor, 1, sensor.samples) * np.float32(size / 2))
+    return middle * (_weights_spectrum(sensor, sensor.samples) * np.float32(size / 2))
 
 
 def analytic_beat(grid: NDArray[np.complex64], sensor: Sensor, *, count: int) -> NDArray[np.complex64]:
-    """Return the beat signal's analytic form at half the sampling rate: (rows, count) complex64 [sqrt(W)].
+    """Return the beat signal's analytic form, whose real part it is: (rows, count) complex64 [sqrt(W)].
 
-    Sample n is at time 2 (n - count / 2) sample steps from the sweep's middle; `count` is even and may reach
-    beyond the sweep.
+    `count` is even and may reach beyond the sweep on both sides.
     """
-    size, half = sensor.fft_size // 2, count // 2
-    signal = fft.ifft(grid, size, axis=1)
+    half = count // 2
+    signal = fft.ifft(grid, sensor.fft_size, axis=1)
     middle = np.concatenate([signal[:, -half:], signal[:, :half]], axis=1)
-    return middle * (_weights_spectrum(sensor, 2, count) * np.float32(size))
+    return middle * (_weights_spectrum(sensor, count) * np.float32(sensor.fft_size))
 
 
 def beat_reference(echoes: Echoes, sensor: Sensor) -> NDArray[np.float64]:

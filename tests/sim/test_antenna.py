@@ -1,0 +1,74 @@
+import math
+
+import numpy as np
+import pytest
+from echoscape.sim.antenna import Antenna
+from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.directions import Directions, draw_directions
+
+
+@pytest.fixture(scope="module")
+def antenna() -> Antenna:
+    return Antenna(CTS350X)
+
+
+@pytest.fixture(scope="module")
+def directions(antenna: Antenna) -> Directions:
+    return draw_directions(antenna, rays=256, rng=np.random.default_rng(5))
+
+
+@pytest.mark.parametrize(("level_db", "width_deg"), [(3, 1.1), (6, 1.7), (10, 2.3), (20, 3.9), (30, 5.8)])
+def test_azimuth_lobe_has_the_measured_widths(antenna: Antenna, level_db: float, width_deg: float) -> None:
+    half = antenna.azimuth_grid_rad >= 0
+    fall_db = -10 * np.log10(antenna.azimuth_two_way[half] / antenna.azimuth_two_way.max())
+    width = 2 * math.degrees(np.interp(level_db, fall_db, antenna.azimuth_grid_rad[half]))
+    assert width == pytest.approx(width_deg, rel=0.05)  # the measured widths have one decimal
+
+
+def test_elevation_lobe_is_filled_below_and_steep_above(antenna: Antenna) -> None:
+    gain = antenna.two_way_gain(np.zeros(4), np.radians([-10.0, 10.0, -25.0, 25.0]))
+    assert gain[0] > 10 * gain[1]
+    assert gain[2] > gain[3]
+
+
+def test_gain_repeats_after_a_turn(antenna: Antenna) -> None:
+    azimuth = np.linspace(-3, 3, 50)
+    np.testing.assert_allclose(
+        antenna.two_way_gain(azimuth + 2 * math.pi, np.zeros(50)), antenna.two_way_gain(azimuth, np.zeros(50)), rtol=1e-9
+    )
+
+
+def test_rays_weighted_by_their_density_hold_the_patterns_energy(antenna: Antenna, directions: Directions) -> None:
+    for row in (0, 137, 399):
+        offset = directions.azimuth_rad - row * 2 * math.pi / CTS350X.azimuths
+        gain = antenna.two_way_gain(offset, directions.elevation_rad) / antenna.peak_gain**2
+        # Stratified: the error is well below the 3 % that as many independent rays would have.
+        assert np.sum(gain / directions.density) == pytest.approx(antenna.two_way_energy_sr, rel=0.02)
+
+
+def test_density_counts_the_rays_of_a_solid_angle(directions: Directions) -> None:
+    # Rays a steradian over a box of 90 deg x 1 deg about the horizon: every ray stands for 1 / density.
+    inside = (np.abs(directions.elevation_rad) < math.radians(0.5)) & (directions.azimuth_rad < math.pi / 2)
+    solid = math.pi / 2 * 2 * math.sin(math.radians(0.5))
+    assert np.sum(1 / directions.density[inside]) == pytest.approx(solid, rel=0.02)
+
+
+def test_rays_follow_the_pattern_and_reach_its_sidelobes(directions: Directions) -> None:
+    offset = directions.azimuth_rad - directions.row * 2 * math.pi / CTS350X.azimuths
+    offset = np.degrees(np.abs((offset + math.pi) % (2 * math.pi) - math.pi))
+    assert np.mean(offset < 0.6) == pytest.approx(0.77, abs=0.08)  # the -3 dB width holds some three quarters
+    assert np.sum(offset > 3.0) > 0
+    assert np.sum(directions.elevation_rad < -math.radians(20)) > np.sum(directions.elevation_rad > math.radians(20))
+
+
+def test_directions_are_the_seeds_own(antenna: Antenna, directions: Directions) -> None:
+    again = draw_directions(antenna, rays=256, rng=np.random.default_rng(5))
+    other = draw_directions(antenna, rays=256, rng=np.random.default_rng(6))
+    assert np.array_equal(again.azimuth_rad, directions.azimuth_rad)
+    assert not np.array_equal(other.azimuth_rad, directions.azimuth_rad)
+
+
+@pytest.mark.parametrize("rays", [0, 9, 200])
+def test_refuses_ray_counts_without_strata(antenna: Antenna, rays: int) -> None:
+    with pytest.raises(ValueError, match="rays must be a square number"):
+        draw_directions(antenna, rays=rays, rng=np.random.default_rng(0))
