@@ -90,9 +90,10 @@ class Hearing:
     def hear(self, paths: ReturnPaths) -> tuple[ReturnPaths, Heard] | None:
         """Return the paths that are heard at all and their echoes, or None."""
         dr.eval(paths)
-        kept = picked(paths, dr.compress(paths.power > self._floor_w))
-        if dr.width(kept.row) == 0:
+        index = dr.compress(paths.power > self._floor_w)
+        if len(index) == 0:
             return None
+        kept = picked(paths, index)
         middle = self._middle_row(kept)
         dr.eval(kept, middle)
         level_db = 10 * np.log10(kept.power.numpy() / np.float32(self._floor_w))

@@ -68,15 +68,24 @@ class World:
         """Return position, cosine and sine of a mover's frame at a row."""
         index = mover * self._azimuths + row
         position = dr.gather(mi.Vector3d, self._position, index, active)
-        return position, dr.gather(mi.Float64, self._cos, index, active), dr.gather(mi.Float64, self._sin, index, active)
+        return (
+            position,
+            dr.gather(mi.Float64, self._cos, index, active),
+            dr.gather(mi.Float64, self._sin, index, active),
+        )
 
     def _meet_movers(
-        self, origin: "mi.Point3d", direction: "mi.Vector3d", row: "mi.UInt32", limit: "mi.Float", active: "mi.Bool"
+        self,
+        origin: "mi.Point3d",
+        direction: "mi.Vector3d",
+        row: "mi.UInt32",
+        limit: "mi.Float",
+        active: "mi.Bool",
     ) -> "tuple[mi.Float, mi.UInt32, mi.UInt32]":
         """Return distance, mover and garage face of the nearest mover nearer than `limit`."""
         garage, garage_places = self._scene.garage, self._garage
 
-        def body(mover, best, who, face):  # noqa: ANN001, ANN202 (Dr.Jit loop state)
+        def body(mover, best, who, face):
             position, cosine, sine = self._mover_frame(mover, row, active)
             lift = mi.Float64(dr.gather(mi.Float, self._half_height, mover, active))
             radius = dr.gather(mi.Float, self._radius, mover, active)
@@ -85,10 +94,12 @@ class World:
             aside = dr.squared_norm(away) - along * along
             near = active & (aside <= radius * radius) & (along >= -radius) & (along - radius <= best)
 
-            def inside(best, who, face):  # noqa: ANN001, ANN202
+            def inside(best, who, face):
                 slot = dr.gather(mi.Vector3d, garage_places, mover, near)
                 start = turned(origin - position, cosine, -sine) + slot
-                ray = mi.Ray3f(mi.Point3f(start), mi.Vector3f(turned(direction, cosine, -sine)), best, 0.0, [])
+                ray = mi.Ray3f(
+                    mi.Point3f(start), mi.Vector3f(turned(direction, cosine, -sine)), best, 0.0, []
+                )
                 met = garage.ray_intersect_preliminary(ray, False, near)
                 nearer = near & met.is_valid() & (met.t < best)
                 return (
@@ -97,7 +108,9 @@ class World:
                     dr.select(nearer, met.prim_index, face),
                 )
 
-            best, who, face = dr.if_stmt((best, who, face), near, inside, lambda best, who, face: (best, who, face))
+            best, who, face = dr.if_stmt(
+                (best, who, face), near, inside, lambda best, who, face: (best, who, face)
+            )
             return mover + 1, best, who, face
 
         nobody = mi.UInt32(0xFFFFFFFF)
@@ -153,7 +166,9 @@ class World:
         scene = self._scene
         position, cosine, sine = self._mover_frame(mover, row, moving)
         placed = valid & ~moving
-        position = dr.select(moving, position, dr.gather(mi.Vector3d, scene.placement_position, placement, placed))
+        position = dr.select(
+            moving, position, dr.gather(mi.Vector3d, scene.placement_position, placement, placed)
+        )
         cosine = dr.select(moving, cosine, dr.gather(mi.Float64, scene.placement_cos, placement, placed))
         sine = dr.select(moving, sine, dr.gather(mi.Float64, scene.placement_sin, placement, placed))
         scale = dr.select(moving, 1.0, dr.gather(mi.Float64, scene.placement_scale, placement, placed))
@@ -167,7 +182,9 @@ class World:
         place = origin + direction * distance
         local = dr.select(moving, turned(place - position, cosine, -sine), place)
         instance = dr.gather(mi.UInt32, scene.face_instance, face, valid)
-        instance = dr.select(placement > 0, dr.gather(mi.UInt32, scene.placement_instance, placement, placed), instance)
+        instance = dr.select(
+            placement > 0, dr.gather(mi.UInt32, scene.placement_instance, placement, placed), instance
+        )
         instance = dr.select(moving, dr.gather(mi.UInt32, self._instance, mover, moving), instance)
         return Hits(
             active=valid,
@@ -193,7 +210,12 @@ class World:
         return dr.select(moving, velocity + mi.Vector3f(-turn * arm.y, turn * arm.x, 0), 0)
 
     def blocked(
-        self, origin: "mi.Point3d", direction: "mi.Vector3d", row: "mi.UInt32", reach: "mi.Float", active: "mi.Bool"
+        self,
+        origin: "mi.Point3d",
+        direction: "mi.Vector3d",
+        row: "mi.UInt32",
+        reach: "mi.Float",
+        active: "mi.Bool",
     ) -> "mi.Bool":
         """Return whether anything stands within `reach` [m] along a ray."""
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), reach, 0.0, [])

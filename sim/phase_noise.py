@@ -5,7 +5,7 @@ A beat tone carries exp(j (phi(t) - phi(t - tau))): near echoes cancel it, S_bea
 tone by its own tau is the all-pass filter D = exp(-j pi f^2 / slope) of residual video phase. A tone f that is
 multiplied by a modulation of frequency v must get exp(-j 2 pi f v / slope) = D(f + v) / (D(f) D(v)): take D out
 of the tones and of the modulation exp(-j phi), multiply, apply D, and multiply by exp(+j phi). That is exact
-for any strength of noise, with no loop over echoes.
+for any strength of noise, but for sidebands that fall beyond half the sampling rate, with no loop over echoes.
 """
 
 from functools import lru_cache

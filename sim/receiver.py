@@ -42,7 +42,9 @@ def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
     range_m, level_dbm = np.array(sensor.leakage_dbm).T
     phase = -4 * math.pi * range_m / sensor.wavelength_m
     amplitude = np.sqrt(10 ** ((level_dbm - 30) / 10)) * np.exp(1j * phase)
-    echoes = point_echoes(row=np.zeros(len(range_m)), range_m=range_m, amplitude=amplitude, azimuths=sensor.azimuths)
+    echoes = point_echoes(
+        row=np.zeros(len(range_m)), range_m=range_m, amplitude=amplitude, azimuths=sensor.azimuths
+    )
     return echo_grid(echoes, sensor, rows=1)
 
 
@@ -79,9 +81,9 @@ def receive(
     The linear parts (echo, noise) and the whole are transformed alike; what the whole has beyond them is
     distortion.
     """
-    gain = (written_units(sensor) * range_gain(sensor, (np.arange(sensor.bins) + BIN_CENTRE) * sensor.bin_m)).astype(
-        np.float32
-    )
+    gain = (
+        written_units(sensor) * range_gain(sensor, (np.arange(sensor.bins) + BIN_CENTRE) * sensor.bin_m)
+    ).astype(np.float32)
     noise = thermal_noise(sensor, rng=noise_rng) if artefacts.thermal_noise else None
     leak = leakage_grid(sensor) if artefacts.leakage else np.zeros((1, grid.shape[1]), np.complex64)
     parts = [np.empty((sensor.azimuths, sensor.bins), np.float32) for _ in range(4)]

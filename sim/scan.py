@@ -1,7 +1,7 @@
 """One scan from a town, a drive and its movers: the door to the simulator.
 
-    simulator = Simulator(town, drive, movers, seed=7)
-    scan = simulator.scan(0)
+simulator = Simulator(town, drive, movers, seed=7)
+scan = simulator.scan(0)
 """
 
 from collections.abc import Sequence
@@ -167,7 +167,7 @@ class Simulator:
             truth=truth,
         )
 
-    def _states(self, turn: Turn):  # noqa: ANN202
+    def _states(self, turn: Turn):
         near = self._track.pose(np.float64(turn.middle_s))
         return mover_states(
             self._movers,

@@ -40,7 +40,11 @@ class Surfaces:
         fraction = place - mi.Float(step)
         index = material * (_STEPS + 1) + step
         powers = [
-            dr.lerp(dr.gather(mi.Float, table, index, active), dr.gather(mi.Float, table, index + 1, active), fraction)
+            dr.lerp(
+                dr.gather(mi.Float, table, index, active),
+                dr.gather(mi.Float, table, index + 1, active),
+                fraction,
+            )
             for table in (self._te_power, self._tm_power)
         ]
         return dr.lerp(powers[1], powers[0], te_share)
@@ -52,7 +56,12 @@ class Surfaces:
         return (1 - diffuse) * dr.exp(-roughness * cosine * cosine)
 
     def mirror_lobe(
-        self, material: "mi.UInt32", cos_half: "mi.Float", cos_in: "mi.Float", cos_out: "mi.Float", active: "mi.Bool"
+        self,
+        material: "mi.UInt32",
+        cos_half: "mi.Float",
+        cos_in: "mi.Float",
+        cos_out: "mi.Float",
+        active: "mi.Bool",
     ) -> "mi.Float":
         """Return the mirror part's BRDF per unit reflected power, D(h) / (4 cos_in cos_out) [1/sr].
 

@@ -93,7 +93,9 @@ class Sensor:
         if self.doppler_sign not in (-1, 1):
             raise ValueError(f"doppler_sign must be -1 or 1, got {self.doppler_sign}")
         if self.fft_size & (self.fft_size - 1) or self.fft_size < 2 * self.bins:
-            raise ValueError(f"fft_size must be a power of two of {2 * self.bins} or more, got {self.fft_size}")
+            raise ValueError(
+                f"fft_size must be a power of two of {2 * self.bins} or more, got {self.fft_size}"
+            )
         if not 8 <= self.samples <= self.fft_size // 4:
             raise ValueError(
                 f"bandwidth_hz of {self.bandwidth_hz:g} gives {self.samples} samples a sweep; "

@@ -127,15 +127,25 @@ class TownScene:
         for prototype, position, yaw, scale in zip(
             places.prototype, places.position, places.yaw, places.scale, strict=True
         ):
-            to_world = mi.ScalarTransform4f().translate(position.tolist()).rotate([0, 0, 1], float(np.degrees(yaw)))
+            to_world = (
+                mi.ScalarTransform4f().translate(position.tolist()).rotate([0, 0, 1], float(np.degrees(yaw)))
+            )
             instances.append(
-                mi.load_dict({"type": "instance", "group": groups[int(prototype)], "to_world": to_world.scale([float(scale)] * 3)})
+                mi.load_dict(
+                    {
+                        "type": "instance",
+                        "group": groups[int(prototype)],
+                        "to_world": to_world.scale([float(scale)] * 3),
+                    }
+                )
             )
         scene |= {f"placed_{index}": instance for index, instance in enumerate(instances)}
         loaded = mi.load_dict(scene)
         self.shape_face = _by_registry_id([_registry_id(shape) for shape in static], starts)
         # Number 0 is "no instance", so placements count from 1.
-        self.placement = _by_registry_id([_registry_id(shape) for shape in instances], range(1, len(instances) + 1))
+        self.placement = _by_registry_id(
+            [_registry_id(shape) for shape in instances], range(1, len(instances) + 1)
+        )
         self._tabulate_placements(town, proto_start)
         return loaded
 
@@ -146,7 +156,9 @@ class TownScene:
         for index in np.unique(town.placements.prototype).tolist():
             vertices, faces, table = _merged(town.prototypes[index])
             starts[index] = self._add(tables, table)
-            groups[index] = mi.load_dict({"type": "shapegroup", "mesh": _shape(f"prototype_{index}", vertices, faces)})
+            groups[index] = mi.load_dict(
+                {"type": "shapegroup", "mesh": _shape(f"prototype_{index}", vertices, faces)}
+            )
         return starts, groups
 
     def _tabulate_placements(self, town: Town, proto_start: dict[int, int]) -> None:

@@ -15,7 +15,7 @@ from echoscape.sim.antenna import Antenna
 from echoscape.sim.backend import dr, mi
 from echoscape.sim.directions import draw_directions
 from echoscape.sim.echoes import Echoes, Returns
-from echoscape.sim.hearing import Hearing, Heard
+from echoscape.sim.hearing import Heard, Hearing
 from echoscape.sim.intersection import Hits, World
 from echoscape.sim.link import link_w_m2, units_per_watt
 from echoscape.sim.motion import MoverStates, RowPoses
@@ -123,11 +123,13 @@ class Tracer:
             if 2 * depth - 1 <= self._settings.max_bounces:
                 heard.append(self._hearing.hear(self._scatterer.same_path(rays, hits, depth=depth)))
             if depth > 1:
-                heard.append(self._hearing.hear(self._loops(world, rays, hits, poses, depth=depth)))
+                loops = self._loops(world, rays, hits, poses, depth=depth)
+                heard.append(self._hearing.hear(loops) if loops else None)
             if depth < self._settings.max_bounces:
-                rays = self._onward(rays, hits, depth=depth)
-                if len(rays.row) == 0:
+                onward = self._onward(rays, hits, depth=depth)
+                if onward is None:
                     break
+                rays = onward
         return _gathered([each for each in heard if each is not None], first_m)
 
     def _first_rays(self, poses: RowPoses) -> Rays:
@@ -166,14 +168,18 @@ class Tracer:
         distance = np.where(counted, hits.distance.numpy(), np.inf)
         return distance.reshape(self._sensor.azimuths, -1).min(axis=1).astype(np.float32)
 
-    def _loops(self, world: World, rays: Rays, hits: Hits, poses: RowPoses, *, depth: int) -> ReturnPaths:
-        """Return the loop returns of hits that would be heard and that see the radar."""
+    def _loops(
+        self, world: World, rays: Rays, hits: Hits, poses: RowPoses, *, depth: int
+    ) -> ReturnPaths | None:
+        """Return the loop returns of hits that would be heard and that see the radar, None without any."""
         sensor = mi.Point3d(dr.gather(mi.Vector3d, mi.Float64(poses.position.ravel()), rays.row))
         loops = self._scatterer.loop(rays, hits, sensor, depth=depth)
         loud = loops.power * self._hearing.loop_gain(loops) > self._floor_w
         start = hits.place + hits.normal * 1e-3
         dr.eval(loops, loud, start, sensor)
         index = dr.compress(loud)
+        if len(index) == 0:
+            return None
         loops, start, sensor = (
             picked(loops, index),
             dr.gather(type(start), start, index),
@@ -185,10 +191,11 @@ class Tracer:
             start, way / length, loops.row, mi.Float(length), dr.full(mi.Bool, True, len(index))
         )
         dr.eval(loops, hidden)
-        return picked(loops, dr.compress(~hidden))
+        index = dr.compress(~hidden)
+        return picked(loops, index) if len(index) else None
 
-    def _onward(self, rays: Rays, hits: Hits, *, depth: int) -> Rays:
-        """Return the mirrored rays that are worth following.
+    def _onward(self, rays: Rays, hits: Hits, *, depth: int) -> Rays | None:
+        """Return the mirrored rays that are worth following, None without any.
 
         A ray whose next return is likely to be weak goes on with the chance of that return over the floor, and
         stands for as many more (Russian roulette; Arvo & Kirk 1990): the mean stays, the work shrinks.
@@ -201,7 +208,8 @@ class Tracer:
         onward.density = rays.density * chance
         goes = lot < chance
         dr.eval(onward, goes)
-        return picked(onward, dr.compress(goes))
+        index = dr.compress(goes)
+        return picked(onward, index) if len(index) else None
 
 
 def _gathered(heard: list[tuple[ReturnPaths, Heard]], first_m: NDArray[np.float32]) -> Echoes:

@@ -1,10 +1,12 @@
 """What made each cell of a scan, known because the scan was made.
 
 The receiver tells how much of a cell's power echoes, noise and distortion have alone; the largest names the
-cell. Where that is echoes, the strongest echo within whose point spread the cell lies says which thing it was, if
-those in the main beam explain the power at all; else it is a sidelobe, of the beam or of the range window.
+cell. Where that is echoes, those within whose point spread the cell lies say whether it is direct, a ghost or a
+sidelobe of the beam, and the strongest of that kind says which thing it was; what they do not explain is a
+sidelobe of the range window.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -31,6 +33,8 @@ class Component(IntEnum):
     SIDELOBE = 4
     SPOKE = 5
 
+
+_KINDS = (Component.DIRECT, Component.GHOST, Component.SIDELOBE)
 
 EXPLAINED = 0.1
 """Share of a cell's echo power that the echoes within the point spread must reach, added by power, to explain
@@ -108,14 +112,10 @@ class Labeller:
         """Return the truth of every cell of a scan."""
         component = self._largest(received)
         cells = np.flatnonzero(component == Component.DIRECT)
-        main_beam, source, side = self._dominant(echoes, cells)
         echo = received.echo.ravel()[cells]
         bins = cells % self._sensor.bins
-        explained = (main_beam * self._unit_gain[bins] >= EXPLAINED * echo) & ~side
-        bounces = (
-            echoes.returns.bounces[source] if len(echoes.returns.bounces) else np.ones(len(cells), np.uint8)
-        )
-        kind = np.where(bounces > 1, Component.GHOST, Component.DIRECT).astype(np.uint8)
+        power, kind, source = self._strongest(echoes, cells)
+        explained = power * self._unit_gain[bins] >= EXPLAINED * echo
         kind = np.where(explained, kind, np.uint8(Component.SIDELOBE))
         if leakage:
             leaks = self._leakage[0, bins] * 2 >= echo
@@ -134,49 +134,66 @@ class Labeller:
         component[received.power < 0.5] = Component.NOISE
         return component
 
-    def _dominant(
+    def _strongest(
         self, echoes: Echoes, cells: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.bool_]]:
-        """Return, for flat cell numbers (C,): the power that main-beam echoes spread there [W], the strongest
-        one's return, and whether that one came through a sidelobe after all.
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
+        """Return, for flat cell numbers (C,): the power that echoes spread there [W], which kind of them (DIRECT,
+        GHOST or SIDELOBE) has most of it, and the return of the strongest echo of that kind.
 
-        The largest (power, source) pair of each cell is found with an integer maximum, which no order changes.
+        The largest (power, return) pair is found with an integer maximum, which no order of work changes.
         """
-        sensor = self._sensor
-        size = sensor.azimuths * sensor.bins
+        if len(echoes) == 0:
+            return (
+                np.zeros(len(cells), np.float32),
+                *(np.zeros(len(cells), kind) for kind in (np.uint8, np.uint32)),
+            )
+        sensor, kinds = self._sensor, len(_KINDS)
         place = np.rint(grid_place(echoes.range_m, sensor)).astype(np.int32)
         inside = (place >= 0) & (place < sensor.bins)
-        number = echoes.row * np.int32(sensor.bins) + np.where(inside, place, 0)
+        kind = np.where(
+            echoes.sidelobe, np.int32(2), (echoes.returns.bounces > 1).astype(np.int32)[echoes.source]
+        )
+        number = (echoes.row * np.int32(sensor.bins) + np.where(inside, place, 0)) * np.int32(kinds) + kind
         amplitude = echoes.amplitude
         power = np.square(amplitude.real) + np.square(amplitude.imag)
-        main = np.bincount(number, power * (inside & ~echoes.sidelobe), size)
-        tag = echoes.source * np.uint32(2) + echoes.sidelobe
-        key = (mi.UInt64(dr.reinterpret_array(mi.UInt32, mi.Float(power))) << 32) | mi.UInt64(mi.UInt32(tag))
+        size = sensor.azimuths * sensor.bins * kinds
+        total = np.bincount(number, power * inside, size).astype(np.float32)
+        key = mi.UInt64(dr.reinterpret_array(mi.UInt32, mi.Float(power))) << 32
         best = dr.zeros(mi.UInt64, size)
-        dr.scatter_reduce(dr.ReduceOp.Max, best, key, mi.UInt32(number.astype(np.uint32)), mi.Bool(inside))
-        strength, tags = self._spread(
-            best, mi.Float(main.astype(np.float32)), mi.UInt32(cells.astype(np.uint32))
+        index = mi.UInt32(number.astype(np.uint32))
+        dr.scatter_reduce(
+            dr.ReduceOp.Max, best, key | mi.UInt64(mi.UInt32(echoes.source)), index, mi.Bool(inside)
         )
-        return strength, tags >> 1, (tags & 1).astype(np.bool_)
+        return self._spread(best, mi.Float(total), mi.UInt32(cells.astype(np.uint32)))
 
     def _spread(
-        self, best: "mi.UInt64", main: "mi.Float", cells: "mi.UInt32"
-    ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        """Return the sum of `main` over the point spread about each cell, and the tag of the largest `best`."""
-        bins, column = self._sensor.bins, mi.Int32(cells % self._sensor.bins)
-        total, largest, tags = mi.Float(0), mi.Float(-1), mi.UInt32(0)
-        for offset in range(-len(self._shape) + 1, len(self._shape)):
-            share = float(self._shape[abs(offset)])
-            valid = (column + offset >= 0) & (column + offset < bins)
-            place = mi.UInt32(mi.Int32(cells) + offset)
-            total += dr.gather(mi.Float, main, place, valid) * share
-            pair = dr.gather(mi.UInt64, best, place, valid)
+        self, best: "mi.UInt64", total: "mi.Float", cells: "mi.UInt32"
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
+        """Return all power spread over each cell, the kind with most of it, and the return of its largest `best`."""
+        kinds = len(_KINDS)
+        sums = [mi.Float(0) for _ in _KINDS]
+        for share, place, valid in self._neighbours(cells):
+            for kind in range(kinds):
+                sums[kind] += dr.gather(mi.Float, total, place * kinds + kind, valid) * share
+        most = dr.select(sums[1] > sums[0], mi.UInt32(1), 0)
+        most = dr.select(sums[2] > dr.maximum(sums[0], sums[1]), 2, most)
+        largest, source = mi.Float(-1), mi.UInt32(0)
+        for share, place, valid in self._neighbours(cells):
+            pair = dr.gather(mi.UInt64, best, place * kinds + most, valid)
             power = dr.reinterpret_array(mi.Float, mi.UInt32(pair >> 32)) * share
             better = valid & (power > largest)
             largest = dr.select(better, power, largest)
-            tags = dr.select(better, mi.UInt32(pair & 0xFFFFFFFF), tags)
-        dr.eval(total, tags)
-        return total.numpy(), tags.numpy()
+            source = dr.select(better, mi.UInt32(pair & 0xFFFFFFFF), source)
+        power = sums[0] + sums[1] + sums[2]
+        dr.eval(power, most, source)
+        return power.numpy(), np.array(_KINDS, np.uint8)[most.numpy()], source.numpy()
+
+    def _neighbours(self, cells: "mi.UInt32") -> "Iterator[tuple[float, mi.UInt32, mi.Bool]]":
+        """Yield, for each step along range within the point spread, its share, the cell there, and if it exists."""
+        bins, column = self._sensor.bins, mi.Int32(cells % self._sensor.bins)
+        for offset in range(-len(self._shape) + 1, len(self._shape)):
+            valid = (column + offset >= 0) & (column + offset < bins)
+            yield float(self._shape[abs(offset)]), mi.UInt32(mi.Int32(cells) + offset), valid
 
     def _filled(
         self,

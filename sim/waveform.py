@@ -117,7 +117,9 @@ def _spreading(sensor: Sensor, size: int) -> NDArray[np.float32]:
     times = fft.fftfreq(size) * sensor.fft_size
     half = sensor.samples // 2
     inside = np.interp(times, np.arange(-half, half), window(sensor), left=0.0, right=0.0)
-    return (inside * (math.sqrt(0.5) / np.sinc(times / sensor.fft_size) ** 2) * sensor.fft_size).astype(np.float32)
+    return (inside * (math.sqrt(0.5) / np.sinc(times / sensor.fft_size) ** 2) * sensor.fft_size).astype(
+        np.float32
+    )
 
 
 def profile(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.complex64]:

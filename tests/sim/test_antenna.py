@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+
 from echoscape.sim.antenna import Antenna
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.directions import Directions, draw_directions
@@ -34,11 +35,15 @@ def test_elevation_lobe_is_filled_below_and_steep_above(antenna: Antenna) -> Non
 def test_gain_repeats_after_a_turn(antenna: Antenna) -> None:
     azimuth = np.linspace(-3, 3, 50)
     np.testing.assert_allclose(
-        antenna.two_way_gain(azimuth + 2 * math.pi, np.zeros(50)), antenna.two_way_gain(azimuth, np.zeros(50)), rtol=1e-9
+        antenna.two_way_gain(azimuth + 2 * math.pi, np.zeros(50)),
+        antenna.two_way_gain(azimuth, np.zeros(50)),
+        rtol=1e-9,
     )
 
 
-def test_rays_weighted_by_their_density_hold_the_patterns_energy(antenna: Antenna, directions: Directions) -> None:
+def test_rays_weighted_by_their_density_hold_the_patterns_energy(
+    antenna: Antenna, directions: Directions
+) -> None:
     for row in (0, 137, 399):
         offset = directions.azimuth_rad - row * 2 * math.pi / CTS350X.azimuths
         gain = antenna.two_way_gain(offset, directions.elevation_rad) / antenna.peak_gain**2
@@ -58,7 +63,9 @@ def test_rays_follow_the_pattern_and_reach_its_sidelobes(directions: Directions)
     offset = np.degrees(np.abs((offset + math.pi) % (2 * math.pi) - math.pi))
     assert np.mean(offset < 0.6) == pytest.approx(0.77, abs=0.08)  # the -3 dB width holds some three quarters
     assert np.sum(offset > 3.0) > 0
-    assert np.sum(directions.elevation_rad < -math.radians(20)) > np.sum(directions.elevation_rad > math.radians(20))
+    assert np.sum(directions.elevation_rad < -math.radians(20)) > np.sum(
+        directions.elevation_rad > math.radians(20)
+    )
 
 
 def test_directions_are_the_seeds_own(antenna: Antenna, directions: Directions) -> None:

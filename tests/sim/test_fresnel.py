@@ -2,10 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from echoscape.scenes.materials import MATERIALS
-from echoscape.sim.fresnel import permittivity, reflection
 from hypothesis import given
 from hypothesis import strategies as st
+
+from echoscape.scenes.materials import MATERIALS
+from echoscape.sim.fresnel import permittivity, reflection
 
 CARRIER_HZ = 76.5e9
 
@@ -21,7 +22,9 @@ CARRIER_HZ = 76.5e9
         ("metal", None, -0.01),
     ],
 )
-def test_materials_reflect_as_the_recommendation_says(name: str, epsilon: complex | None, reflection_db: float) -> None:
+def test_materials_reflect_as_the_recommendation_says(
+    name: str, epsilon: complex | None, reflection_db: float
+) -> None:
     found = permittivity(MATERIALS[name], CARRIER_HZ)
     if epsilon is not None:
         assert abs(found - epsilon) < 0.01  # the table gives two decimals

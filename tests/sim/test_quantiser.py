@@ -2,9 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from echoscape.sim.quantiser import codes, decibels
 from hypothesis import given
 from hypothesis import strategies as st
+
+from echoscape.sim.quantiser import codes, decibels
 
 
 def law(count: int) -> int:

@@ -3,11 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import Echoes, point_echoes
 from echoscape.sim.waveform import analytic_beat, beat, beat_reference, echo_grid, profile, spectrum
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 SENSOR = replace(CTS350X, azimuths=2)
 
@@ -25,7 +26,9 @@ def random_echoes(count: int, seed: int, spread_db: float) -> Echoes:
 
 @settings(max_examples=25, deadline=None)
 @given(count=st.integers(1, 60), seed=st.integers(0, 2**31), spread_db=st.floats(0, 80))
-def test_gridded_beat_and_point_spread_agree_with_the_sum_of_tones(count: int, seed: int, spread_db: float) -> None:
+def test_gridded_beat_and_point_spread_agree_with_the_sum_of_tones(
+    count: int, seed: int, spread_db: float
+) -> None:
     echoes = random_echoes(count, seed, spread_db)
     grid = echo_grid(echoes, SENSOR)
     expected = np.abs(spectrum(beat_reference(echoes, SENSOR).astype(np.float32), SENSOR))
@@ -39,7 +42,9 @@ def test_analytic_beat_has_the_beat_as_its_real_part() -> None:
     signal = beat_reference(echoes, SENSOR)
     analytic = analytic_beat(echo_grid(echoes, SENSOR), SENSOR, count=SENSOR.samples)
     middle = signal
-    inside = slice(40, -40)  # at the sweep's very ends the grid's aliases reach -40 dB, under the window's zero
+    inside = slice(
+        40, -40
+    )  # at the sweep's very ends the grid's aliases reach -40 dB, under the window's zero
     assert np.abs(analytic.real - middle)[:, inside].max() < 0.01 * np.abs(middle).max()
 
 
@@ -70,7 +75,9 @@ def test_range_lobe_has_the_widths_of_a_hann_window() -> None:
 def test_sums_of_echoes_do_not_depend_on_their_order_beyond_rounding() -> None:
     echoes = random_echoes(200, 9, 20)
     order = np.random.default_rng(1).permutation(200)
-    shuffled = point_echoes(row=echoes.row[order], range_m=echoes.range_m[order], amplitude=echoes.amplitude[order], azimuths=2)
+    shuffled = point_echoes(
+        row=echoes.row[order], range_m=echoes.range_m[order], amplitude=echoes.amplitude[order], azimuths=2
+    )
     np.testing.assert_allclose(echo_grid(shuffled, SENSOR), echo_grid(echoes, SENSOR), atol=1e-6)
 
 

@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
 from echoscape.scenes.roads import RoadGraph
 from echoscape.scenes.trajectory import Trajectory
 from echoscape.scenes.world import CLASSES, Mesh, Mover, Placements, Prototype, StaticMesh, Town
-from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,13 @@ def straight(start: list[float], velocity: list[float], *, yaw: float | None = N
     heading = float(np.arctan2(velocity[1], velocity[0])) if yaw is None else yaw
     rate = np.array([*velocity, 0.0, 0.0])
     first = np.array([*start, z, heading])
-    return Ride(Trajectory(time_s=np.array([0.0, 100.0]), state=np.array([first, first + 100 * rate]), rate=np.array([rate, rate])))
+    return Ride(
+        Trajectory(
+            time_s=np.array([0.0, 100.0]),
+            state=np.array([first, first + 100 * rate]),
+            rate=np.array([rate, rate]),
+        )
+    )
 
 
 def quad(corners: list[list[float]]) -> Mesh:
@@ -39,11 +46,26 @@ def plate(centre: list[float], facing: list[float], width: float, height: float)
     return quad([list(middle + a * along + b * up) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
 
 
-def box_prototype(name: str, size: tuple[float, float, float], material: str, class_name: str = "car") -> Prototype:
+def box_prototype(
+    name: str, size: tuple[float, float, float], material: str, class_name: str = "car"
+) -> Prototype:
     """A box standing on the ground."""
     x, y, z = size[0] / 2, size[1] / 2, size[2]
     vertices = np.array([[a * x, b * y, c * z] for a in (-1, 1) for b in (-1, 1) for c in (0, 1)], np.float32)
-    faces = [[0, 1, 3], [0, 3, 2], [4, 7, 5], [4, 6, 7], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    faces = [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 7, 5],
+        [4, 6, 7],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ]
     mesh = Mesh(vertices=vertices, faces=np.array(faces, np.uint32))
     return Prototype(name=name, class_name=class_name, parts={material: mesh}, extent_m=size)
 
@@ -61,7 +83,11 @@ def world(*things: tuple[str, str, Mesh]) -> Town:
         static=meshes,
         prototypes=(),
         placements=Placements(
-            prototype=none.astype(np.uint32), instance=none.astype(np.uint32), position=np.zeros((0, 3)), yaw=none, scale=none
+            prototype=none.astype(np.uint32),
+            instance=none.astype(np.uint32),
+            position=np.zeros((0, 3)),
+            yaw=none,
+            scale=none,
         ),
         instance_class=np.array([0, *(CLASSES.index(name) for _, name, _ in things)], np.uint8),
         roads=RoadGraph(lanes=(), junctions=np.zeros((0, 2))),
@@ -77,7 +103,9 @@ def _merged(parts: list[tuple[Mesh, int]]) -> StaticMesh:
     offsets = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in parts])
     return StaticMesh(
         vertices=np.concatenate([mesh.vertices for mesh, _ in parts]),
-        faces=np.concatenate([mesh.faces + np.uint32(k) for (mesh, _), k in zip(parts, offsets, strict=False)]),
+        faces=np.concatenate(
+            [mesh.faces + np.uint32(k) for (mesh, _), k in zip(parts, offsets, strict=False)]
+        ),
         instance=np.concatenate([np.full(len(mesh.faces), instance, np.uint32) for mesh, instance in parts]),
     )
 
