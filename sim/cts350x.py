@@ -72,7 +72,7 @@ CTS350X = Sensor(
         (40.0, -35.0),
         (90.0, -45.0),
     ),
-    phase_noise_dbc_hz=-88.0,  # [cal] usual for 77 GHz synthesisers inside the loop bandwidth
+    phase_noise_dbc_hz=-85.0,  # [cal] usual for 77 GHz synthesisers inside the loop bandwidth
     phase_noise_corner_hz=300e3,  # [cal]
     leakage_dbm=(  # [cal] to [M] mean code 29-47 in bins 0-32, 5 at bin 70
         (0.1, -98.0),

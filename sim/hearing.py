@@ -134,10 +134,12 @@ class Hearing:
         apparent = half + mi.Float64(closing * self._shift_s)
         audible = (power > self._floor_w) & (apparent > 0) & (apparent < self._sensor.range_m * 1.02)
         real, imag = self._phased(half, dr.sqrt(power), path)
-        results = [mi.Int32(row), apparent, real, imag, power, source, closing]
+        results = [mi.Int32(row), apparent, real, imag, power, source, closing, mi.Int32(offset)]
         dr.eval(audible, *results)
-        keep = audible.numpy()
-        row_, range_m, re, im, mean, origin, speed = (array.numpy()[keep] for array in results)
+        keep = dr.compress(audible)
+        results = [dr.gather(type(array), array, keep) for array in results]
+        dr.eval(*results)
+        row_, range_m, re, im, mean, origin, speed, offset = (array.numpy() for array in results)
         amplitude = np.empty(len(row_), np.complex64)
         amplitude.real, amplitude.imag = re, im
         return Heard(
@@ -146,7 +148,7 @@ class Hearing:
             amplitude=amplitude,
             mean_power=mean,
             source=origin,
-            sidelobe=(np.abs(offset) > MAIN_ROWS)[keep],
+            sidelobe=np.abs(offset) > MAIN_ROWS,
             closing_mps=speed,
         )
 

@@ -34,6 +34,8 @@ class Component(IntEnum):
     SPOKE = 5
 
 
+_STEP = 2
+"""Bins in which echoes are told apart for the truth; the point spread is some 8 bins wide."""
 _KINDS = (Component.DIRECT, Component.GHOST, Component.SIDELOBE)
 
 EXPLAINED = 0.1
@@ -88,8 +90,8 @@ def mover_boxes(states: MoverStates) -> MoverBoxes:
 
 
 def _spread_shape(sensor: Sensor) -> NDArray[np.float32]:
-    """Return the point-spread power at whole bins from its peak (K + 1,), down to -20 dB."""
-    offsets = np.arange(32)
+    """Return the point-spread power at whole steps from its peak (K + 1,), down to -20 dB."""
+    offsets = np.arange(32) * _STEP
     times = np.arange(sensor.samples) - sensor.samples // 2
     tones = np.cos(2 * np.pi * offsets[:, None] * times / sensor.fft_size)
     power = (tones @ window(sensor) / window(sensor).sum()) ** 2
@@ -103,6 +105,7 @@ class Labeller:
         self._sensor = sensor
         self._classes = instance_class
         self._shape = _spread_shape(sensor)
+        self._steps = -(-sensor.bins // _STEP)
         ranges = (np.arange(sensor.bins) + BIN_CENTRE) * sensor.bin_m
         self._unit_gain = (units_per_watt(sensor) * range_gain(sensor, ranges)).astype(np.float32)
         leak = np.abs(spectrum(beat(leakage_grid(sensor), sensor), sensor)) ** 2
@@ -148,37 +151,36 @@ class Labeller:
                 *(np.zeros(len(cells), kind) for kind in (np.uint8, np.uint32)),
             )
         sensor, kinds = self._sensor, len(_KINDS)
-        place = np.rint(grid_place(echoes.range_m, sensor)).astype(np.int32)
-        inside = (place >= 0) & (place < sensor.bins)
-        kind = np.where(
-            echoes.sidelobe, np.int32(2), (echoes.returns.bounces > 1).astype(np.int32)[echoes.source]
-        )
-        number = (echoes.row * np.int32(sensor.bins) + np.where(inside, place, 0)) * np.int32(kinds) + kind
+        place = ((grid_place(echoes.range_m, sensor) + 0.5) * (1 / _STEP)).astype(np.int32)
+        np.clip(place, 0, self._steps - 1, out=place)
+        kind = np.where(echoes.sidelobe, np.int32(2), (echoes.returns.bounces > 1).astype(np.int32)[echoes.source])
+        number = (echoes.row * np.int32(self._steps) + place) * np.int32(kinds) + kind
         amplitude = echoes.amplitude
         power = np.square(amplitude.real) + np.square(amplitude.imag)
-        size = sensor.azimuths * sensor.bins * kinds
-        total = np.bincount(number, power * inside, size).astype(np.float32)
+        size = sensor.azimuths * self._steps * kinds
+        total = np.bincount(number, power, size).astype(np.float32)
         key = mi.UInt64(dr.reinterpret_array(mi.UInt32, mi.Float(power))) << 32
         best = dr.zeros(mi.UInt64, size)
         index = mi.UInt32(number.astype(np.uint32))
         dr.scatter_reduce(
-            dr.ReduceOp.Max, best, key | mi.UInt64(mi.UInt32(echoes.source)), index, mi.Bool(inside)
+            dr.ReduceOp.Max, best, key | mi.UInt64(mi.UInt32(echoes.source)), index
         )
-        return self._spread(best, mi.Float(total), mi.UInt32(cells.astype(np.uint32)))
+        row, column = np.divmod(cells.astype(np.uint32), np.uint32(sensor.bins))
+        return self._spread(best, mi.Float(total), mi.UInt32(row), mi.UInt32(column // np.uint32(_STEP)))
 
     def _spread(
-        self, best: "mi.UInt64", total: "mi.Float", cells: "mi.UInt32"
+        self, best: "mi.UInt64", total: "mi.Float", row: "mi.UInt32", step: "mi.UInt32"
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
         """Return all power spread over each cell, the kind with most of it, and the return of its largest `best`."""
         kinds = len(_KINDS)
         sums = [mi.Float(0) for _ in _KINDS]
-        for share, place, valid in self._neighbours(cells):
+        for share, place, valid in self._neighbours(row, step):
             for kind in range(kinds):
                 sums[kind] += dr.gather(mi.Float, total, place * kinds + kind, valid) * share
         most = dr.select(sums[1] > sums[0], mi.UInt32(1), 0)
         most = dr.select(sums[2] > dr.maximum(sums[0], sums[1]), 2, most)
         largest, source = mi.Float(-1), mi.UInt32(0)
-        for share, place, valid in self._neighbours(cells):
+        for share, place, valid in self._neighbours(row, step):
             pair = dr.gather(mi.UInt64, best, place * kinds + most, valid)
             power = dr.reinterpret_array(mi.Float, mi.UInt32(pair >> 32)) * share
             better = valid & (power > largest)
@@ -188,12 +190,12 @@ class Labeller:
         dr.eval(power, most, source)
         return power.numpy(), np.array(_KINDS, np.uint8)[most.numpy()], source.numpy()
 
-    def _neighbours(self, cells: "mi.UInt32") -> "Iterator[tuple[float, mi.UInt32, mi.Bool]]":
-        """Yield, for each step along range within the point spread, its share, the cell there, and if it exists."""
-        bins, column = self._sensor.bins, mi.Int32(cells % self._sensor.bins)
+    def _neighbours(self, row: "mi.UInt32", step: "mi.UInt32") -> "Iterator[tuple[float, mi.UInt32, mi.Bool]]":
+        """Yield, for each step along range within the point spread, its share, its number, and if it exists."""
         for offset in range(-len(self._shape) + 1, len(self._shape)):
-            valid = (column + offset >= 0) & (column + offset < bins)
-            yield float(self._shape[abs(offset)]), mi.UInt32(mi.Int32(cells) + offset), valid
+            place = mi.Int32(step) + offset
+            valid = (place >= 0) & (place < self._steps)
+            yield float(self._shape[abs(offset)]), mi.UInt32(mi.Int32(row * self._steps) + place), valid
 
     def _filled(
         self,

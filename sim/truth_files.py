@@ -82,7 +82,7 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray]:
     if not path.is_file():
         raise DatasetError(f"{path}: no such truth file")
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             lacking = [name for name in names if name not in archive]
             if lacking:
                 raise DatasetError(f"{path}: a truth file without {', '.join(lacking)}")
