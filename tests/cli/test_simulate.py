@@ -1,0 +1,107 @@
+"""The command: help at once, bad input told in a line and nothing left behind, a good run whole."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from echoscape.cli.__main__ import COMMANDS, main
+
+SMALL = ["--preset", "empty", "--seed", "3", "--scans", "2", "--trace.rays", "16"]
+
+BAD = {
+    "--scans 0": "scans must be 1 or more, got 0",
+    "--scans -3": "scans must be 1 or more, got -3",
+    "--scans 9999999": "scans must be",
+    "--scans many": "--scans",
+    "--seed -1": "seed must be 0 or more, got -1",
+    "--seed 1.5": "--seed",
+    "--preset moon": "preset must be one of town, suburb,",
+    "--workers 0": "workers must be 1 or more, got 0",
+    "--threads 0": "threads must be 1 or more, got 0",
+    "--trace.rays 17": "trace.rays must be a square number",
+    "--trace.rays -1": "trace.rays must be a square number",
+    "--trace.max-bounces 0": "max_bounces must be between 1 and 9",
+    "--trace.floor-db nan": "floor_db must be finite",
+    "--sensor.bandwidth-hz nan": "bandwidth_hz must be finite, got nan",
+    "--sensor.bandwidth-hz -1": "bandwidth_hz must be above 0",
+    "--sensor.bin-m inf": "bin_m must be finite, got inf",
+    "--sensor.azimuths 0": "azimuths must be above 0",
+    "--sensor.rotation-jitter-s -1": "sensor.rotation_jitter_s must be 0 or more",
+    "--sensor.window square": "--sensor.window",
+    "--drive.wander-m nan": "drive.wander_m must be finite, got nan",
+    "--drive.speed.stop-s -1": "drive.speed.stop_s must be 0 or more, got -1",
+    "--traffic.near-m 0": "traffic.near_m must be above 0",
+    "--traffic.vehicles-per-km2 inf": "traffic.vehicles_per_km2 must be finite, got inf",
+    "--no-such-option": "no-such-option",
+}
+
+
+@pytest.mark.parametrize("words", BAD)
+def test_bad_input_is_told_and_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: str
+) -> None:
+    assert _exit_code(["simulate", str(tmp_path / "set"), *words.split()]) == 2
+    captured = capsys.readouterr()
+    assert BAD[words] in " ".join((captured.err + captured.out).split())
+    assert "Traceback" not in captured.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def _exit_code(words: list[str]) -> int:
+    """What the shell would see: the parser leaves by SystemExit, our own checks by their return value."""
+    try:
+        return main(words)
+    except SystemExit as leaving:
+        return int(leaving.code or 0)
+
+
+def test_full_folder_is_told_and_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "diary.txt").write_text("dear")
+    assert main(["simulate", str(tmp_path), *SMALL]) == 2
+    assert "OUT must be empty or new" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]
+
+
+def test_file_in_the_place_of_the_folder_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    assert main(["simulate", str(tmp_path / "file"), *SMALL]) == 2
+    assert "OUT must be a folder" in capsys.readouterr().err
+    assert main(["simulate", str(tmp_path / "file" / "set"), *SMALL]) == 2
+    assert "OUT" in capsys.readouterr().err
+
+
+def test_run_makes_a_dataset_with_a_preview_and_sums_up(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", str(tmp_path / "set"), *SMALL]) == 0
+    assert len(list((tmp_path / "set" / "radar").glob("*.png"))) == 2
+    with Image.open(tmp_path / "set" / "preview.png") as page:
+        assert page.size == (1800, 1140)
+    assert "2 of 400 x 3768 cells" in capsys.readouterr().out
+
+
+def test_unknown_command_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["stimulate"]) == 2
+    assert "no command 'stimulate'; there is simulate" in capsys.readouterr().err
+
+
+def test_help_names_every_command_without_loading_the_ray_tracer() -> None:
+    code = (
+        "import sys; from echoscape.cli.__main__ import main; main(['--help']); "
+        "sys.exit(any(name in sys.modules for name in ('mitsuba', 'numpy', 'torch')))"
+    )
+    start = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert time.monotonic() - start < 1.5
+    assert all(name in done.stdout for name in COMMANDS)
+
+
+def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("echoscape 0.1")

@@ -1,0 +1,47 @@
+"""Scans for tests, made by hand: no town, no rays."""
+
+import numpy as np
+
+from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.scan import PolarScan, ScanTruth
+from echoscape.sim.truth import CellTruth, MoverBoxes
+
+START_US = 1_700_000_000_000_000
+
+
+def drawn_scan(*, seed: int = 1, movers: int = 2) -> PolarScan:
+    """Return a scan of the CTS350-X full of drawn numbers."""
+    rng = np.random.default_rng(seed)
+    shape = (CTS350X.azimuths, CTS350X.bins)
+    cells = CellTruth(
+        component=rng.integers(0, 6, shape, np.uint8),
+        instance=rng.integers(0, 70_000, shape, np.uint32),
+        class_id=rng.integers(0, 20, shape, np.uint8),
+        bounces=rng.integers(0, 4, shape, np.uint8),
+        moving=rng.random(shape) < 0.1,
+    )
+    boxes = MoverBoxes(
+        instance=np.arange(movers, dtype=np.uint32),
+        class_id=np.full(movers, 16, np.uint8),
+        centre=rng.normal(size=(movers, 3)),
+        extent=rng.uniform(1, 5, (movers, 3)),
+        yaw=rng.normal(size=movers),
+        velocity=rng.normal(size=(movers, 3)),
+    )
+    truth = ScanTruth(
+        cells=cells,
+        pose=rng.normal(size=(shape[0], 4)),
+        middle_pose=rng.normal(size=4),
+        middle_us=START_US + 124_000,
+        saturated=rng.random(shape[0]) < 0.5,
+        first_m=np.where(rng.random(shape[0]) < 0.5, np.inf, 7.0).astype(np.float32),
+        boxes=boxes,
+    )
+    return PolarScan(
+        codes=rng.integers(0, 255, shape, np.uint8),
+        timestamp_us=START_US + 625 * np.arange(shape[0]),
+        encoder=(13 + 14 * np.arange(shape[0])).astype(np.uint16),
+        valid=rng.random(shape[0]) < 0.9,
+        bin_m=CTS350X.bin_m,
+        truth=truth,
+    )
