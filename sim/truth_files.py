@@ -19,8 +19,15 @@ from echoscape.sim.whole_files import DatasetError, write_whole
 _LEVEL = 1
 _CELLS = ("component", "instance", "class_id", "bounces", "moving")
 _ROWS = ("pose", "middle_pose", "middle_us", "saturated", "first_m")
-_BOXES = ("instance", "class_id", "centre", "extent", "yaw", "velocity")
-NAMES = (*_CELLS, *_ROWS, *(f"box_{name}" for name in _BOXES))
+_BOXES = {
+    "box_instance": "instance",
+    "box_class": "class_id",
+    "box_centre": "centre",
+    "box_extent": "extent",
+    "box_yaw": "yaw",
+    "box_velocity": "velocity",
+}
+NAMES = (*_CELLS, *_ROWS, *_BOXES)
 """Names of the arrays in a truth file, in their order."""
 
 
@@ -30,7 +37,7 @@ def truth_arrays(truth: ScanTruth) -> dict[str, NDArray]:
     if arrays["instance"].max(initial=0) <= np.iinfo(np.uint16).max:
         arrays["instance"] = arrays["instance"].astype(np.uint16)
     arrays |= {name: np.asarray(getattr(truth, name)) for name in _ROWS}
-    return arrays | {f"box_{name}": getattr(truth.boxes, name) for name in _BOXES}
+    return arrays | {name: getattr(truth.boxes, field) for name, field in _BOXES.items()}
 
 
 def truth_bytes(truth: ScanTruth) -> bytes:
@@ -69,7 +76,7 @@ def read_truth(path: Path) -> ScanTruth:
         middle_us=int(found["middle_us"]),
         saturated=found["saturated"],
         first_m=found["first_m"],
-        boxes=MoverBoxes(**{name: found[f"box_{name}"] for name in _BOXES}),
+        boxes=MoverBoxes(**{field: found[name] for name, field in _BOXES.items()}),
     )
 
 
