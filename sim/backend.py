@@ -107,6 +107,24 @@ if _DEVICE == "cuda" and not dr.has_backend(dr.JitBackend.CUDA):
 mi.set_variant(_VARIANTS[_DEVICE])
 
 
+def _check_loaded_llvm() -> None:
+    """Refuse to go on with an LLVM that aborts: Dr.Jit may have been imported, and have chosen one, before us.
+
+    Raises:
+        BackendError: Dr.Jit has loaded an LLVM that is too old.
+    """
+    major = dr.detail.llvm_version()[0]
+    if 0 < major < OLDEST_LLVM:
+        raise BackendError(
+            f"Dr.Jit has already loaded LLVM {major}, which aborts on ordinary kernels: import echoscape before "
+            f"drjit or mitsuba, or set {_LIBRARY_VARIABLE} to a libLLVM.so of version {OLDEST_LLVM} or newer"
+        )
+
+
+if _DEVICE == "cpu":
+    _check_loaded_llvm()
+
+
 def set_threads(count: int) -> None:
     """Let Dr.Jit use `count` threads in this process; results do not depend on it.
 

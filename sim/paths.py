@@ -78,6 +78,11 @@ def picked(arrays: object, index: "mi.UInt32") -> object:
     return type(arrays)(**{name: taken[id(value)] for name, value in vars(arrays).items()})
 
 
+def _unit(vector):  # noqa: ANN001, ANN202 (single or double)
+    """Return vectors of length 1, by exact root and division: reciprocal estimates differ by processor."""
+    return vector / dr.sqrt(dr.squared_norm(vector))
+
+
 def _te_share(direction: "mi.Vector3f", normal: "mi.Vector3f") -> "mi.Float":
     """Return the share of a vertically polarised wave's power that is TE at a surface."""
     across = dr.cross(direction, normal)
@@ -133,7 +138,7 @@ class Scatterer:
             return mi.Float64(0), mi.Float(1), mi.Float(0)
         key = patch_key(hits.local, hits.owner, self._seed)
         real, imag = reflectivity(key)
-        scale = dr.rsqrt(1 + mean_rays)
+        scale = 1 / dr.sqrt(1 + mean_rays)
         offset = turned(scatterer_offset(hits.local, key), hits.cosine, hits.sine)
         flat = offset - hits.normal * dr.dot(offset, hits.normal)
         return dr.dot(flat, rays.direction), real * scale, imag * scale
@@ -175,7 +180,7 @@ class Scatterer:
         length = dr.norm(home)
         towards = home / length
         cos_out = mi.Float(dr.dot(hits.normal, towards))
-        half = dr.normalize(mi.Vector3f(towards - rays.direction))
+        half = _unit(mi.Vector3f(towards - rays.direction))
         cos_half = dr.dot(half, mi.Vector3f(hits.normal))
         active = hits.active & (cos_out > 1e-3)
         lobe = self._surfaces.mirror_lobe(hits.material, cos_half, cosine, cos_out, active)
@@ -207,7 +212,7 @@ class Scatterer:
         onward = rays.direction - 2 * dr.dot(rays.direction, hits.normal) * hits.normal
         return Rays(
             origin=mi.Point3d(hits.place + hits.normal * _SKIN_M),
-            direction=dr.normalize(onward),
+            direction=_unit(onward),
             travelled=rays.travelled + hits.distance,
             weight=dr.select(hits.active, rays.weight * power * share, 0),
             row=rays.row,
