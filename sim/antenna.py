@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from echoscape.sim.decibels import power_ratio
 from echoscape.sim.sensor import Sensor
 
 AZIMUTH_STEPS = 8192
@@ -23,7 +24,7 @@ def _two_way_azimuth(sensor: Sensor, offset_rad: NDArray[np.float64]) -> NDArray
     offset_deg, gain_db = np.array(sensor.azimuth_pattern_db).T
     curve = PchipInterpolator(np.append(-offset_deg[1], offset_deg), np.append(gain_db[1], gain_db))
     folded = np.abs((offset_rad + math.pi) % (2 * math.pi) - math.pi)
-    return 10 ** (curve(np.minimum(np.degrees(folded), offset_deg[-1])) / 10)
+    return power_ratio(curve(np.minimum(np.degrees(folded), offset_deg[-1])))
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Antenna:
         elevation_deg, gain_db = np.array(self.sensor.elevation_pattern_db).T
         grid_deg = np.degrees(self.elevation_grid_rad)
         curve = PchipInterpolator(elevation_deg, gain_db)
-        return 10 ** (curve(np.clip(grid_deg, elevation_deg[0], elevation_deg[-1])) / 10)
+        return power_ratio(curve(np.clip(grid_deg, elevation_deg[0], elevation_deg[-1])))
 
     def two_way_gain(self, azimuth_rad: NDArray, elevation_rad: NDArray) -> NDArray[np.float64]:
         """Return G0^2 g_az^2 g_el^2 towards an offset and an elevation from the beam's middle [rad]."""

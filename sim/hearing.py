@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from echoscape.sim.antenna import Antenna
 from echoscape.sim.backend import dr, mi
+from echoscape.sim.decibels import power_ratio
 from echoscape.sim.motion import RowPoses
 from echoscape.sim.paths import ReturnPaths, picked
 from echoscape.sim.sensor import Sensor
@@ -53,7 +54,7 @@ class Hearing:
         # A return lies up to half a row from the row that points at it.
         offset = np.maximum(np.arange(SIDE_ROWS + 1) - 0.5, 0) * (2 * math.pi / self._sensor.azimuths)
         gain = np.interp(offset, antenna.azimuth_grid_rad, antenna.azimuth_two_way)
-        level = 10 ** (np.arange(_LEVELS) * _LEVEL_DB / 10)
+        level = power_ratio(np.arange(_LEVELS) * _LEVEL_DB)
         return np.array([np.flatnonzero(gain * each >= 1).max(initial=0) for each in level])
 
     def place(self, poses: RowPoses) -> None:
@@ -95,9 +96,9 @@ class Hearing:
             return None
         kept = picked(paths, index)
         middle = self._middle_row(kept)
-        dr.eval(kept, middle)
-        level_db = 10 * np.log10(kept.power.numpy() / np.float32(self._floor_w))
-        reach = self._reach_rows[np.minimum((level_db / _LEVEL_DB).astype(np.int64) + 1, _LEVELS - 1)]
+        level = dr.log(kept.power * (1 / self._floor_w)) * (10 / math.log(10) / _LEVEL_DB)
+        dr.eval(kept, middle, level)
+        reach = self._reach_rows[np.minimum(level.numpy().astype(np.int64) + 1, _LEVELS - 1)]
         counts = 2 * reach + 1
         source = np.repeat(np.arange(len(counts), dtype=np.uint32), counts)
         starts = np.cumsum(counts) - counts + reach

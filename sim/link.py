@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import get_window
 
+from echoscape.sim.decibels import power_ratio
 from echoscape.sim.sensor import Sensor
 
 
@@ -47,4 +48,4 @@ def full_scale_amplitude(sensor: Sensor) -> float:
 def range_gain(sensor: Sensor, range_m: NDArray) -> NDArray[np.float64]:
     """Return the receiver's power gain at ranges [m]."""
     knots, gain_db = np.array(sensor.range_gain_db).T
-    return 10 ** (np.interp(range_m, knots, gain_db) / 10)
+    return power_ratio(np.interp(range_m, knots, gain_db))

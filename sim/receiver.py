@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.sim.artefacts import Artefacts
+from echoscape.sim.decibels import power_ratio
 from echoscape.sim.echoes import point_echoes
 from echoscape.sim.link import full_scale_amplitude, range_gain, written_units
 from echoscape.sim.phase_noise import noisy_beat
@@ -41,7 +42,7 @@ def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
     """Return the leakage as one row of the grid of echoes (1, fft_size / 2) [sqrt(W)], the same in every row."""
     range_m, level_dbm = np.array(sensor.leakage_dbm).T
     phase = -4 * math.pi * range_m / sensor.wavelength_m
-    amplitude = np.sqrt(10 ** ((level_dbm - 30) / 10)) * np.exp(1j * phase)
+    amplitude = np.sqrt(power_ratio(level_dbm - 30)) * np.exp(1j * phase)
     echoes = point_echoes(
         row=np.zeros(len(range_m)), range_m=range_m, amplitude=amplitude, azimuths=sensor.azimuths
     )
