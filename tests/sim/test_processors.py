@@ -1,0 +1,62 @@
+"""Scans have the same bytes whichever vector instructions the processor offers."""
+
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+# Dr.Jit has no Python call for the target; its C++ function is exported under its mangled name.
+MAKE_SCAN = """
+import ctypes, hashlib, pathlib, sys
+from echoscape.sim.backend import dr, mi
+cpu, width = sys.argv[1], int(sys.argv[2])
+if cpu != "native":
+    import drjit
+    core = ctypes.CDLL(str(pathlib.Path(drjit.__file__).parent / "libdrjit-core.so"))
+    set_target = core["_Z19jit_llvm_set_targetPKcS0_j"]
+    set_target.argtypes = [ctypes.c_char_p, ctypes.c_char_p, ctypes.c_uint32]
+    set_target(cpu.encode(), None, width)
+from echoscape.sim.scan import Simulator
+from tests.sim.worlds import box_prototype, mover, plate, quad, straight, world
+town = world(
+    ("metal", "wall", plate([30.0, 0, 5.0], [-1, 0.1], 120.0, 10.0)),
+    ("brick", "wall", plate([-9.0, 14, 5.0], [0.2, -1], 80.0, 10.0)),
+    ("asphalt", "road", quad([[-80.0, -80, 0], [80, -80, 0], [80, 80, 0], [-80, 80, 0]])),
+)
+car = mover(4, box_prototype("box", (4.0, 2.0, 1.5), "metal"), straight([12.0, -4.0], [-5.0, 1.0]))
+scan = Simulator(town, straight([0.0, 0.0], [9.0, 1.0]), (car,), seed=5).scan(3)
+digest = hashlib.sha256(scan.codes.tobytes())
+for name in ("component", "instance", "class_id", "bounces", "moving"):
+    digest.update(getattr(scan.truth.cells, name).tobytes())
+print(digest.hexdigest())
+"""
+
+
+def digest(cpu: str, width: int, **environment: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", MAKE_SCAN, cpu, str(width)],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env=os.environ | environment,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout.split()[-1]
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="sets x86-64 targets")
+def test_avx2_and_the_native_target_make_the_same_bytes() -> None:
+    flags = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
+    if " avx2 " not in flags or " fma " not in flags:
+        pytest.skip("needs a processor with AVX2 and FMA")
+    native = digest("native", 0)
+    # NumPy's names for its AVX-512 code; what a build does not know it only warns about.
+    narrow = digest("skylake", 8, NPY_DISABLE_CPU_FEATURES="X86_V4 AVX512_ICL AVX512_SPR", PYTHONWARNINGS="ignore")
+    assert native == narrow
