@@ -1,4 +1,5 @@
-# `make demo` and `make test` each set up by themselves; PYTHON names another interpreter (3.11 or newer).
+# `make demo` and `make test` each set up by themselves; PYTHON names another interpreter (3.11 or newer),
+# VENV another place for the packages. Nothing else is needed: pyright brings its own Node.
 PYTHON ?= python3.11
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -9,7 +10,7 @@ READY := $(VENV)/.ready
 $(READY): pyproject.toml constraints.txt hatch_build.py
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet -c constraints.txt torch
-	$(BIN)/python -m pip install --quiet -c constraints.txt --editable . pytest pytest-benchmark hypothesis ruff pyright
+	$(BIN)/python -m pip install --quiet -c constraints.txt --editable . pytest pytest-benchmark hypothesis ruff "pyright[nodejs]"
 	touch $@
 
 demo: $(READY)
