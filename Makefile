@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow lint bench clean
+.PHONY: demo picture test test-slow lint bench clean
 
 $(READY): pyproject.toml constraints.txt hatch_build.py
 	$(PYTHON) -m venv $(VENV)
@@ -16,6 +16,10 @@ $(READY): pyproject.toml constraints.txt hatch_build.py
 demo: $(READY)
 	rm -rf demo
 	$(BIN)/echoscape simulate demo --seed 7 --scans 40
+
+picture: demo
+	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.preview import small_copy; \
+		small_copy(Path('demo/preview.png'), Path('docs/preview.png'))"
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -90,6 +90,17 @@ def preview(folder: Path, *, scan: int | None = None) -> Path:
     return frame.folder / "preview.png"
 
 
+def small_copy(page: Path, to: Path) -> None:
+    """Write a preview to `to` in 256 colours and 1500 pixels wide: a fifth of the size, for a README."""
+    with Image.open(page) as image:
+        height = round(image.height * 1500 / image.width)
+        small = image.convert("RGB").resize((1500, height), Image.Resampling.LANCZOS)
+    data = io.BytesIO()
+    colours = small.quantize(256, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE)
+    colours.save(data, "png", optimize=True)
+    write_whole(to, data.getvalue())
+
+
 def read_frame(folder: Path, scan: int | None) -> Frame:
     """Read what a preview shows; for arguments and errors see `preview`."""
     content = read_manifest(folder)
@@ -222,14 +233,16 @@ def _received_above(axes: Axes, frame: Frame) -> None:
 
 
 def _things_above(axes: Axes, frame: Frame) -> None:
-    _titled(axes, "What was hit", "truth of every cell, as bright as received")
+    _titled(axes, "What was hit", "truth of direct echoes, as bright as received")
     names = frame.manifest["classes"]
     table = np.tile(np.array(to_rgb("#2b3441"), np.float32), (256, 1))
     for colour, members in THINGS.values():
         table[[names.index(name) for name in members if name in names]] = to_rgb(colour)
     pixel_m = 2 * REACH_M / (_PIXELS * _FINENESS)
     size = _PIXELS * _FINENESS
-    labels = nearest_cells(frame.truth.cells.class_id, frame.scan.bin_m, pixel_m=pixel_m, size=size)
+    cells = frame.truth.cells
+    hit = np.where(cells.component == frame.manifest["components"].index("direct"), cells.class_id, 0)
+    labels = nearest_cells(hit, frame.scan.bin_m, pixel_m=pixel_m, size=size)
     light = polar_to_cartesian(_brightness(frame.scan.codes), frame.scan.bin_m, pixel_m=pixel_m, size=size)
     lit = np.where(labels > 0, 0.25 + 0.95 * light**0.8, 0.9 * light)
     _show_above(axes, np.clip(_shrunk(_over_page(table[labels], lit)), 0, 1))
