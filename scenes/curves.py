@@ -4,9 +4,13 @@ Turns are quintic Hermite curves that match position, direction and curvature at
 whose curvature ramps linearly (clothoids, as in road design).
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root_scalar
+
+_END_POINTS = 12
 
 Line = NDArray[np.float64]
 """A sampled curve: (P, 2) float64 [m]."""
@@ -75,8 +79,17 @@ def smallest_radius(line: Line) -> float:
 def turn(before: Line, after: Line, *, step_m: float = 0.1) -> Line:
     """Return a smooth curve from the end of `before` to the start of `after`.
 
-    The quintic Hermite curve whose two speeds, out of a grid, give the gentlest peak of curvature.
+    The quintic Hermite curve whose two speeds, out of a grid, give the gentlest peak of curvature. Only the last
+    and the first dozen points matter; road graphs ask for most of their turns several times.
     """
+    ends = (np.ascontiguousarray(line, np.float64) for line in (before[-_END_POINTS:], after[:_END_POINTS]))
+    return _turn(*(line.tobytes() for line in ends), step_m).copy()
+
+
+@lru_cache(maxsize=4096)
+def _turn(before_bytes: bytes, after_bytes: bytes, step_m: float) -> Line:
+    """Return the turn between two lines given as the bytes of their (P, 2) float64 points."""
+    before, after = (np.frombuffer(points).reshape(-1, 2) for points in (before_bytes, after_bytes))
     start, end = before[-1], after[0]
     direction = np.stack([tangents(before[-8:])[-1], tangents(after[:8])[0]])  # (2, 2)
     bend = np.array([np.median(curvature(before[-12:])[-6:-1]), np.median(curvature(after[:12])[1:6])])

@@ -43,8 +43,8 @@ class TrafficSettings:
     `step_s` is the simulation's step and the clock of the tracks.
     """
 
-    vehicles_per_km2: float = 25.0
-    pedestrians_per_km2: float = 25.0
+    vehicles_per_km2: float = 70.0
+    pedestrians_per_km2: float = 60.0
     near_m: float = 250.0
     step_s: float = 0.2
 
