@@ -79,8 +79,8 @@ def smallest_radius(line: Line) -> float:
 def turn(before: Line, after: Line, *, step_m: float = 0.1) -> Line:
     """Return a smooth curve from the end of `before` to the start of `after`.
 
-    The quintic Hermite curve whose two speeds, out of a grid, give the gentlest peak of curvature. Only the last
-    and the first dozen points matter; road graphs ask for most of their turns several times.
+    The quintic Hermite curve whose two speeds, out of a grid, give the gentlest peak of curvature. Only the
+    last and the first dozen points matter; road graphs ask for most of their turns several times.
     """
     ends = (np.ascontiguousarray(line, np.float64) for line in (before[-_END_POINTS:], after[:_END_POINTS]))
     return _turn(*(line.tobytes() for line in ends), step_m).copy()

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 class Material:
     """A surface: how it reflects (ITU row) and how rough it is.
 
-    `rms_height_m` is the small-scale roughness (Rayleigh factor); `scattering` is S of the effective-roughness
-    model (Degli-Esposti 2007), the amplitude share that scatters diffusely; `rms_slope_rad` is the waviness on
-    scales above the wavelength, which widens a mirror reflection to a glint of finite width.
+    `rms_height_m` is the small-scale roughness (Rayleigh factor); `scattering` is S of the
+    effective-roughness model (Degli-Esposti 2007), the amplitude share that scatters diffusely;
+    `rms_slope_rad` is the waviness on scales above the wavelength, which widens a mirror reflection to a
+    glint of finite width.
     """
 
     name: str
@@ -47,7 +48,9 @@ MATERIALS: dict[str, Material] = {
             rms_height_m=0.0003,
             scattering=0.5,
             rms_slope_rad=0.012,
-            roughness_source="cast and rendered facades: rms 0.2-0.5 mm; waviness of a few mm over a metre; calibrated",
+            roughness_source=(
+                "cast and rendered facades: rms 0.2-0.5 mm; waviness of a few mm over a metre; calibrated"
+            ),
         ),
         Material(
             name="brick",
@@ -60,7 +63,10 @@ MATERIALS: dict[str, Material] = {
             rms_height_m=0.0008,
             scattering=0.6,
             rms_slope_rad=0.015,
-            roughness_source="mortar joints 2-10 mm deep, faces 0.5-1 mm; row used beyond its band (extrapolated to 76.5 GHz)",
+            roughness_source=(
+                "mortar joints 2-10 mm deep, faces 0.5-1 mm; "
+                "row used beyond its band (extrapolated to 76.5 GHz)"
+            ),
         ),
         Material(
             name="plasterboard",
@@ -125,7 +131,9 @@ MATERIALS: dict[str, Material] = {
             rms_height_m=0.0008,
             scattering=0.5,
             rms_slope_rad=0.01,
-            roughness_source="dense asphalt texture depth 0.5-1 mm; row used beyond its band (extrapolated to 76.5 GHz)",
+            roughness_source=(
+                "dense asphalt texture depth 0.5-1 mm; row used beyond its band (extrapolated to 76.5 GHz)"
+            ),
         ),
         Material(
             name="paving",
@@ -151,7 +159,10 @@ MATERIALS: dict[str, Material] = {
             rms_height_m=0.003,
             scattering=0.9,
             rms_slope_rad=0.1,
-            roughness_source="very dry ground; grass and earth, rms 2-5 mm; row used beyond its band (extrapolated to 76.5 GHz)",
+            roughness_source=(
+                "very dry ground; grass and earth, rms 2-5 mm; "
+                "row used beyond its band (extrapolated to 76.5 GHz)"
+            ),
         ),
         Material(
             name="foliage",
@@ -164,7 +175,9 @@ MATERIALS: dict[str, Material] = {
             rms_height_m=0.002,
             scattering=0.9,
             rms_slope_rad=0.3,
-            roughness_source="leaves and twigs: thin wet sheets in all directions, taken as rough wood; calibrated",
+            roughness_source=(
+                "leaves and twigs: thin wet sheets in all directions, taken as rough wood; calibrated"
+            ),
         ),
         Material(
             name="rubber",
@@ -190,7 +203,10 @@ MATERIALS: dict[str, Material] = {
             rms_height_m=0.002,
             scattering=0.8,
             rms_slope_rad=0.2,
-            roughness_source="clothed skin: no ITU row, that of marble has the nearest permittivity; row used beyond its band; calibrated",
+            roughness_source=(
+                "clothed skin: no ITU row, that of marble has the nearest permittivity; "
+                "row used beyond its band; calibrated"
+            ),
         ),
     )
 }

@@ -91,7 +91,8 @@ class Town:
     """A whole static world with its road graph.
 
     `static` maps material name to mesh; `prototypes` and `placements` add what is instanced; `instance_class`
-    (I,) uint8 gives the class id of every static instance id (row 0 is "none"). `bounds_m` is (x0, y0, x1, y1).
+    (I,) uint8 gives the class id of every static instance id (row 0 is "none"). `bounds_m` is (x0, y0, x1,
+    y1).
     """
 
     preset: str

@@ -1,7 +1,8 @@
-"""Chooses the Mitsuba variant and the LLVM that Dr.Jit compiles with; everyone else takes `mi` and `dr` from here.
+"""Chooses the Mitsuba variant and Dr.Jit's LLVM; everyone else takes `mi` and `dr` from here.
 
 Dr.Jit loads whatever LLVM the system offers. Some of those abort the process on ordinary kernels, so the
-library is chosen before Dr.Jit loads: the user's own `DRJIT_LIBLLVM_PATH`, else the one of `karellen-llvm-core`.
+library is chosen before Dr.Jit loads: the user's own `DRJIT_LIBLLVM_PATH`, else the one of
+`karellen-llvm-core`.
 """
 
 import ctypes
@@ -16,7 +17,7 @@ log = logging.getLogger(__name__)
 Device = Literal["cpu", "cuda"]
 
 OLDEST_LLVM = 16
-"""Older LLVMs cannot select `llvm.maximum` ("Cannot select: fmaximum") and abort; seen with Debian 12's LLVM 15."""
+"""Older LLVMs cannot select `llvm.maximum` ("Cannot select: fmaximum") and abort; seen with LLVM 15."""
 
 _LIBRARY_VARIABLE = "DRJIT_LIBLLVM_PATH"
 _DEVICE_VARIABLE = "ECHOSCAPE_DEVICE"
@@ -69,15 +70,15 @@ def choose_llvm() -> Path | None:
     if library is None:
         if os.uname().sysname == "Linux":
             raise BackendError(
-                "no LLVM to compile ray-tracing kernels with: install karellen-llvm-core (Linux x86-64) or set "
-                f"{_LIBRARY_VARIABLE} to a libLLVM.so of version {OLDEST_LLVM} or newer"
+                "no LLVM to compile ray-tracing kernels with: install karellen-llvm-core (Linux x86-64) or "
+                f"set {_LIBRARY_VARIABLE} to a libLLVM.so of version {OLDEST_LLVM} or newer"
             )
         return None
     version = llvm_major_version(library)
     if version < OLDEST_LLVM:
         raise BackendError(
-            f"LLVM {version} ({library}) aborts on ordinary kernels; version {OLDEST_LLVM} or newer is needed: "
-            f"install karellen-llvm-core or point {_LIBRARY_VARIABLE} at a newer libLLVM.so"
+            f"LLVM {version} ({library}) aborts on ordinary kernels; version {OLDEST_LLVM} or newer is "
+            f"needed: install karellen-llvm-core or point {_LIBRARY_VARIABLE} at a newer libLLVM.so"
         )
     os.environ[_LIBRARY_VARIABLE] = str(library)
     return library
@@ -108,7 +109,7 @@ mi.set_variant(_VARIANTS[_DEVICE])
 
 
 def _check_loaded_llvm() -> None:
-    """Refuse to go on with an LLVM that aborts: Dr.Jit may have been imported, and have chosen one, before us.
+    """Refuse an LLVM that aborts: Dr.Jit may have been imported, and have chosen one, before us.
 
     Raises:
         BackendError: Dr.Jit has loaded an LLVM that is too old.
@@ -116,8 +117,9 @@ def _check_loaded_llvm() -> None:
     major = dr.detail.llvm_version()[0]
     if 0 < major < OLDEST_LLVM:
         raise BackendError(
-            f"Dr.Jit has already loaded LLVM {major}, which aborts on ordinary kernels: import echoscape before "
-            f"drjit or mitsuba, or set {_LIBRARY_VARIABLE} to a libLLVM.so of version {OLDEST_LLVM} or newer"
+            f"Dr.Jit has already loaded LLVM {major}, which aborts on ordinary kernels: import echoscape "
+            f"before drjit or mitsuba, or set {_LIBRARY_VARIABLE} to a libLLVM.so of version {OLDEST_LLVM} "
+            "or newer"
         )
 
 

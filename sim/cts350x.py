@@ -1,4 +1,4 @@
-"""Navtech CTS350-X as in the Oxford Radar RobotCar data set; each number with its source or marked calibrated.
+"""Navtech CTS350-X as in the Oxford Radar RobotCar data set; numbers have a source or are marked calibrated.
 
 Sources: [O] Barnes et al., "The Oxford Radar RobotCar Dataset", ICRA 2020, and its files; [C] Cen & Newman,
 "Precise Ego-Motion Estimation with Millimeter-Wave Radar", ICRA 2018; [B] Burnett et al., "Do We Need to
@@ -42,7 +42,7 @@ CTS350X = Sensor(
         (110.0, 0.0),
         (163.0, -0.4),
     ),
-    azimuth_pattern_db=(  # [M] azimuth point spread; the main lobe narrowed by 3 % for the turn within a sweep
+    azimuth_pattern_db=(  # [M] azimuth point spread, main lobe narrowed by 3 % for the turn within a sweep
         (0.0, 0.0),
         (0.53, -3.0),
         (0.83, -6.0),

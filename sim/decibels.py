@@ -1,7 +1,7 @@
 """Decibels to ratios, alike on every processor.
 
-NumPy's powers differ in their last bit between vector instruction sets; rounded to single precision they agree,
-and so does all that follows from them.
+NumPy's powers differ in their last bit between vector instruction sets; rounded to single precision they
+agree, and so does all that follows from them.
 """
 
 import numpy as np

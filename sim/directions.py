@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from echoscape.sim.antenna import Antenna
 
 WIDE_SHARE = 0.35
-"""Share of rays drawn in elevation from the one-way pattern, which is broader: it serves the near ground, high
-facades, and returns that leave and come back by different directions. The rest follows the two-way pattern."""
+"""Share of rays drawn in elevation from the one-way pattern, which is broader: it serves the near ground,
+high facades, and returns that leave and come back by different directions. The rest follows the two-way
+pattern."""
 
 
 @dataclass(frozen=True, kw_only=True)

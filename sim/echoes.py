@@ -28,7 +28,8 @@ class Echoes:
     [sqrt(W)], speckle and carrier phase included; mean_power (E,) float32: its mean over speckle [W];
     source (E,) uint32: index into `returns`; sidelobe (E,) bool: outside the beam's main lobe;
     closing_mps (E,) float32: radial speed, positive when approaching [m/s].
-    Per row, `first_m` (A,) float32: distance of the first thing in the beam that is no ground [m], inf if none.
+    Per row, `first_m` (A,) float32: distance of the first thing in the beam that is no ground [m], inf if
+    none.
     """
 
     row: NDArray[np.int32]
@@ -82,7 +83,7 @@ def point_echoes(
     amplitude: NDArray,
     azimuths: int,
 ) -> Echoes:
-    """Return echoes of given rows (E,), ranges (E,) [m] and complex amplitudes (E,) [sqrt(W)], one target each."""
+    """Return one echo for each row (E,), range (E,) [m] and complex amplitude (E,) [sqrt(W)] given."""
     count = len(row)
     returns = Returns(
         bounces=np.ones(count, np.uint8),

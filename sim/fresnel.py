@@ -22,7 +22,7 @@ def permittivity(material: Material, frequency_hz: float) -> complex:
 
 
 def reflection(epsilon: complex, cos_incidence: ArrayLike) -> tuple[NDArray, NDArray]:
-    """Return the amplitude coefficients (TE, TM), complex, of a half space of relative permittivity `epsilon`.
+    """Return the complex amplitude coefficients (TE, TM) of a half space of relative permittivity `epsilon`.
 
     `cos_incidence` is the cosine of the angle between ray and normal. Both agree in magnitude at normal
     incidence, with opposite sign (P.2040's convention for TM).

@@ -115,7 +115,7 @@ class Hearing:
     def _spread(
         self, paths: ReturnPaths, middle: "mi.Int32", source: "mi.UInt32", offset: NDArray[np.int32]
     ) -> Heard:
-        """Return the echoes of `paths[source]` in the rows at `offset` (N,) from the row that points at each."""
+        """Return the echoes of `paths[source]` in the rows `offset` (N,) away from the one pointing there."""
         azimuths = self._sensor.azimuths
         row = mi.UInt32((dr.gather(mi.Int32, middle, source) + mi.Int32(offset) + azimuths) % azimuths)
         path = picked(paths, source)

@@ -130,13 +130,13 @@ class World:
         reach: "mi.Float",
         active: "mi.Bool",
     ) -> Hits:
-        """Return what rays from `origin` (N) [m] along unit `direction` meet within `reach` [m] at their rows."""
+        """Return what rays from `origin` (N) [m] along unit `direction` meet within `reach` [m]."""
         scene = self._scene
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), reach, 0.0, [])
         met = scene.town.ray_intersect_preliminary(ray, False, active)
         valid = active & met.is_valid()
         limit = dr.select(valid, met.t, reach)
-        nearest, mover, garage_face = self._meet_movers(origin, direction, row, limit, active)
+        _, mover, garage_face = self._meet_movers(origin, direction, row, limit, active)
         moving = active & (mover != mi.UInt32(0xFFFFFFFF))
         valid |= moving
         placed = dr.reinterpret_array(mi.UInt32, met.instance)

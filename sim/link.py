@@ -19,7 +19,7 @@ from echoscape.sim.sensor import Sensor
 @lru_cache(maxsize=8)
 def window(sensor: Sensor) -> NDArray[np.float64]:
     """Return the window (samples,) over a sweep, DFT-even: its peak lies at sample `samples` / 2."""
-    return get_window(sensor.window, sensor.samples)
+    return np.asarray(get_window(sensor.window, sensor.samples), np.float64)
 
 
 def written_units(sensor: Sensor) -> float:

@@ -27,7 +27,7 @@ class Turn:
     @property
     def times_s(self) -> NDArray[np.float64]:
         """Times (azimuths,) of the rows [s]."""
-        return self.start_s + self.row_s * np.arange(self.azimuths)
+        return self.start_s + self.row_s * np.arange(self.azimuths, dtype=np.float64)
 
     @property
     def middle_s(self) -> float:

@@ -10,6 +10,7 @@ R_back is the unfolded length of the way back (radar equation for distributed ta
 
 import math
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -27,8 +28,8 @@ class Rays:
     """N rays on their way, as Dr.Jit arrays.
 
     origin [m], direction (double); travelled: unfolded length so far [m] (double); weight: product of mirror
-    power reflectivities; row: home row; number: of the ray in its scan; density [1/sr]; gain: one-way elevation gain towards the first leg;
-    start and heading: the first leg's origin and direction.
+    power reflectivities; row: home row; number: of the ray in its scan; density [1/sr]; gain: one-way
+    elevation gain towards the first leg; start and heading: the first leg's origin and direction.
     """
 
     origin: "mi.Point3d"
@@ -65,20 +66,24 @@ class ReturnPaths:
     bounces: int
 
 
-def picked(arrays: object, index: "mi.UInt32") -> object:
+_Bundle = TypeVar("_Bundle", Rays, ReturnPaths, Hits)
+_Vector = TypeVar("_Vector", "mi.Vector3f", "mi.Vector3d")
+
+
+def picked(arrays: _Bundle, index: "mi.UInt32") -> _Bundle:
     """Return a dataclass of evaluated Dr.Jit arrays with only the entries at `index`.
 
     A field that is the same object as another stays so. (Sources that are not evaluated yet would each cost a
     kernel of their own: call `dr.eval` on the dataclass first.)
     """
-    taken: dict[int, object] = {}
+    taken: dict[int, Any] = {}
     for value in vars(arrays).values():
         if id(value) not in taken:
             taken[id(value)] = dr.gather(type(value), value, index) if dr.is_array_v(value) else value
     return type(arrays)(**{name: taken[id(value)] for name, value in vars(arrays).items()})
 
 
-def _unit(vector):  # noqa: ANN001, ANN202 (single or double)
+def _unit(vector: "_Vector") -> "_Vector":
     """Return vectors of length 1, by exact root and division: reciprocal estimates differ by processor."""
     return vector / dr.sqrt(dr.squared_norm(vector))
 
@@ -104,7 +109,7 @@ class Scatterer:
         seed: int,
         speckle: bool,
     ) -> None:
-        """`link` is Pt lambda^2 G0^2 / ((4 pi)^2 L) [W m^2]; `elevation_gain` the one-way table, even in angle."""
+        """`link`: Pt lambda^2 G0^2 / ((4 pi)^2 L) [W m^2]; `elevation_gain`: one-way table, even in angle."""
         self._surfaces = surfaces
         self._link = link
         self._elevation = mi.Float(elevation_gain.astype(np.float32))
@@ -131,8 +136,8 @@ class Scatterer:
     ) -> "tuple[mi.Float64, mi.Float, mi.Float]":
         """Return how much farther along the ray the patch's scatterer lies [m], and its reflectivity.
 
-        Several rays that meet one patch add in phase: k rays where `mean_rays` are expected would give k^2 times
-        the power of one, so the reflectivity falls by E[k^2] / E[k] = 1 + mean (Poisson).
+        Several rays that meet one patch add in phase: k rays where `mean_rays` are expected would give k^2
+        times the power of one, so the reflectivity falls by E[k^2] / E[k] = 1 + mean (Poisson).
         """
         if not self._speckle:
             return mi.Float64(0), mi.Float(1), mi.Float(0)

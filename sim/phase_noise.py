@@ -2,19 +2,21 @@
 
 A beat tone carries exp(j (phi(t) - phi(t - tau))): near echoes cancel it, S_beat = S 4 sin^2(pi f tau)
 (Budge & Burt, IEEE RADAR 1993). Delay and beat frequency belong together, tau = f / slope, so delaying every
-tone by its own tau is the all-pass filter D = exp(-j pi f^2 / slope) of residual video phase. A tone f that is
-multiplied by a modulation of frequency v must get exp(-j 2 pi f v / slope) = D(f + v) / (D(f) D(v)): take D out
-of the tones and of the modulation exp(-j phi), multiply, apply D, and multiply by exp(+j phi). That is exact
-for any strength of noise, but for sidebands that fall beyond half the sampling rate, with no loop over echoes.
+tone by its own tau is the all-pass filter D = exp(-j pi f^2 / slope) of residual video phase. A tone f that
+is multiplied by a modulation of frequency v must get exp(-j 2 pi f v / slope) = D(f + v) / (D(f) D(v)): take
+D out of the tones and of the modulation exp(-j phi), multiply, apply D, and multiply by exp(+j phi). That is
+exact for any strength of noise, but for sidebands that fall beyond half the sampling rate, with no loop over
+echoes.
 """
 
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
+from scipy.fft import rfftfreq
 
 from echoscape.sim.sensor import Sensor
+from echoscape.sim.transforms import fft, ifft, irfft, rfft
 from echoscape.sim.waveform import analytic_beat
 
 
@@ -24,13 +26,13 @@ def phase_noise(sensor: Sensor, *, rows: int, count: int, rng: np.random.Generat
     Its one-sided density is twice the single-sideband level L0 / (1 + (f / corner)^2) [rad^2/Hz].
     """
     white = rng.standard_normal((rows, count), dtype=np.float32)
-    return fft.irfft(fft.rfft(white, axis=1) * _shape(sensor, count), count, axis=1)
+    return irfft(rfft(white) * _shape(sensor, count), count)
 
 
 @lru_cache(maxsize=8)
 def _shape(sensor: Sensor, count: int) -> NDArray[np.float32]:
     """Return the amplitude (count / 2 + 1,) that gives white noise of variance 1 the phase's density."""
-    frequency = fft.rfftfreq(count, 1 / sensor.sample_hz)
+    frequency = rfftfreq(count, 1 / sensor.sample_hz)
     level = 10 ** (sensor.phase_noise_dbc_hz / 10) / (1 + (frequency / sensor.phase_noise_corner_hz) ** 2)
     # White noise of variance 1 has the one-sided density 2 / fs.
     shape = np.sqrt(level * sensor.sample_hz)
@@ -45,7 +47,7 @@ def _count(sensor: Sensor) -> int:
 
 @lru_cache(maxsize=8)
 def _delay(sensor: Sensor, step_hz: float, count: int) -> NDArray[np.complex64]:
-    """Return the filter (count,) that delays tones of beat frequency f = 0, step, ... by their echoes' f / slope.
+    """Return the filter (count,) that delays tones of beat frequency f = 0, step, ... by f / slope each.
 
     Frequencies beyond the middle of a full transform are the negative ones.
     """
@@ -72,14 +74,14 @@ def with_phase(
     carrier = np.empty(phase.shape, np.complex64)
     carrier.real, carrier.imag = np.cos(phase), np.sin(phase)
     delay = _delay(sensor, step_hz * (size // count), count)
-    modulation = fft.fft(carrier.conj(), axis=1, overwrite_x=True)
+    modulation = fft(carrier.conj(), overwrite=True)
     modulation *= delay.conj()
     received = analytic_beat(early, sensor, count=count)
-    received *= fft.ifft(modulation, axis=1, overwrite_x=True)
-    tones = fft.fft(received, axis=1, overwrite_x=True)
+    received *= ifft(modulation, overwrite=True)
+    tones = fft(received, overwrite=True)
     tones *= delay
-    full = fft.ifft(tones, axis=1, overwrite_x=True)
+    full = ifft(tones, overwrite=True)
     first = count // 2 - sensor.samples // 2
     inside = slice(first, first + sensor.samples)
     tone, turn = full[:, inside], carrier[:, inside]
-    return tone.real * turn.real - tone.imag * turn.imag
+    return np.asarray(tone.real * turn.real - tone.imag * turn.imag, np.float32)

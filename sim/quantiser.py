@@ -31,4 +31,4 @@ def codes(power: ArrayLike) -> NDArray[np.uint8]:
 
 def decibels(code: ArrayLike) -> NDArray[np.float32]:
     """Return the level of codes [dB above one unit]; code 0 stands for 0 dB or less."""
-    return np.asarray(code, np.float32) / 2
+    return np.asarray(code, np.float32) / np.float32(2)

@@ -26,8 +26,8 @@ _BLOCK = 25
 class Received:
     """What the receiver makes of one scan, in units of written power.
 
-    power (A, bins) float32: what the quantiser takes; echo, noise, distortion (A, bins) float32: the parts that
-    echoes, thermal noise, and everything non-linear (clipping, converter steps, phase noise) have alone;
+    power (A, bins) float32: what the quantiser takes; echo, noise, distortion (A, bins) float32: the parts
+    that echoes, thermal noise, and everything non-linear (clipping, converter steps, phase noise) have alone;
     saturated (A,) bool: a sample of the row was clipped.
     """
 
@@ -39,7 +39,7 @@ class Received:
 
 
 def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
-    """Return the leakage as one row of the grid of echoes (1, fft_size / 2) [sqrt(W)], the same in every row."""
+    """Return the leakage as a row of the grid of echoes (1, fft_size / 2) [sqrt(W)], alike in all rows."""
     range_m, level_dbm = np.array(sensor.leakage_dbm).T
     phase = -4 * math.pi * range_m / sensor.wavelength_m
     amplitude = np.sqrt(power_ratio(level_dbm - 30)) * np.exp(1j * phase)
@@ -66,7 +66,7 @@ def convert(
     if artefacts.quantisation:
         step = np.float32(2 * full_scale / 2**sensor.adc_bits)
         signal = np.rint(signal / step) * step
-    return signal, clipped & artefacts.saturation
+    return signal, np.logical_and(clipped, artefacts.saturation)
 
 
 def receive(
@@ -105,13 +105,14 @@ def _block(
     artefacts: Artefacts,
     phase_rng: np.random.Generator,
 ) -> tuple[list[NDArray[np.float32]], NDArray[np.bool_]]:
-    """Return |FFT|^2 of the whole, the echoes, the noise and the distortion of some rows, and the clipped rows."""
+    """Return |FFT|^2 of whole, echoes, noise and distortion of some rows, and which rows are clipped."""
     noiseless = np.zeros((len(grid), sensor.bins), np.float32)
     if artefacts.linear and noise is None:
         echo = _power(profile(grid, sensor))
         return [echo, echo, noiseless, noiseless], np.zeros(len(grid), np.bool_)
     clean = beat(grid, sensor)
-    noise_spectrum = noiseless if noise is None else spectrum(noise, sensor)
+    silence = np.zeros(noiseless.shape, np.complex64)
+    noise_spectrum = silence if noise is None else spectrum(noise, sensor)
     clean_spectrum = spectrum(clean, sensor)
     if artefacts.linear:
         whole = clean_spectrum + noise_spectrum
@@ -127,6 +128,6 @@ def _block(
     return [_power(each) for each in (whole, clean_spectrum, noise_spectrum, distortion)], saturated
 
 
-def _power(values: NDArray) -> NDArray[np.float32]:
+def _power(values: NDArray[np.complex64]) -> NDArray[np.float32]:
     """Return |values|^2."""
     return np.square(values.real) + np.square(values.imag)

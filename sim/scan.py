@@ -16,7 +16,7 @@ from echoscape.scenes.world import CLASSES, Mover, Town
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import Echoes
-from echoscape.sim.motion import Turn, mover_states, row_poses, turns
+from echoscape.sim.motion import MoverStates, Turn, mover_states, row_poses, turns
 from echoscape.sim.quantiser import codes
 from echoscape.sim.receiver import receive
 from echoscape.sim.sensor import Sensor
@@ -167,7 +167,7 @@ class Simulator:
             truth=truth,
         )
 
-    def _states(self, turn: Turn):
+    def _states(self, turn: Turn) -> MoverStates:
         near = self._track.pose(np.float64(turn.middle_s))
         return mover_states(
             self._movers,

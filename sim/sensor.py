@@ -5,6 +5,7 @@ Quantities that follow from others are properties, so that no number stands twic
 
 import math
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Literal
 
 from echoscape.sim.constants import BOLTZMANN, SPEED_OF_LIGHT, STANDARD_TEMPERATURE
@@ -172,5 +173,5 @@ def _check_table(name: str, rows: tuple) -> None:
         raise ValueError(f"{name} must hold two or more (x, y) rows, got {len(rows)}")
     if not all(math.isfinite(value) for row in rows for value in row):
         raise ValueError(f"{name} must be finite")
-    if any(b[0] <= a[0] for a, b in zip(rows, rows[1:], strict=False)):
+    if any(b[0] <= a[0] for a, b in pairwise(rows)):
         raise ValueError(f"{name} must have increasing first values")

@@ -21,7 +21,7 @@ GARAGE_SPACING_M = 50.0
 
 @dataclass(frozen=True, kw_only=True)
 class _Faces:
-    """Faces of one Mitsuba mesh: corner (F, 3), unit normal (F, 3) float32, material and instance (F,) uint32."""
+    """Faces of a Mitsuba mesh: corner (F, 3), unit normal (F, 3) float32, material, instance (F,) uint32."""
 
     corner: NDArray[np.float32]
     normal: NDArray[np.float32]

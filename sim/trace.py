@@ -197,8 +197,8 @@ class Tracer:
     def _onward(self, rays: Rays, hits: Hits, *, depth: int) -> Rays | None:
         """Return the mirrored rays that are worth following, None without any.
 
-        A ray whose next return is likely to be weak goes on with the chance of that return over the floor, and
-        stands for as many more (Russian roulette; Arvo & Kirk 1990): the mean stays, the work shrinks.
+        A ray whose next return is likely to be weak goes on with the chance of that return over the floor,
+        and stands for as many more (Russian roulette; Arvo & Kirk 1990): the mean stays, the work shrinks.
         """
         onward = self._scatterer.mirrored(rays, hits)
         likely = link_w_m2(self._sensor) * dr.square(onward.weight * rays.gain) * LIKELY_BRDF / rays.density

@@ -1,8 +1,8 @@
 """What made each cell of a scan, known because the scan was made.
 
 The receiver tells how much of a cell's power echoes, noise and distortion have alone; the largest names the
-cell. Where that is echoes, those within whose point spread the cell lies say whether it is direct, a ghost or a
-sidelobe of the beam, and the strongest of that kind says which thing it was; what they do not explain is a
+cell. Where that is echoes, those within whose point spread the cell lies say whether it is direct, a ghost or
+a sidelobe of the beam, and the strongest of that kind says which thing it was; what they do not explain is a
 sidelobe of the range window.
 """
 
@@ -45,9 +45,10 @@ it: speckle adds them in any phase, so a cell may hold much more or less."""
 
 @dataclass(frozen=True, kw_only=True)
 class CellTruth:
-    """Truth by cell, all (azimuths, bins): component, class_id and bounces uint8, instance uint32, moving bool.
+    """Truth by cell, all arrays (azimuths, bins).
 
-    class_id, instance, bounces and moving are 0 where no single thing dominates.
+    component, class_id and bounces are uint8, instance uint32, moving bool; class_id, instance, bounces and
+    moving are 0 where no single thing dominates.
     """
 
     component: NDArray[np.uint8]
@@ -61,8 +62,8 @@ class CellTruth:
 class MoverBoxes:
     """Boxes of the movers near the radar at mid-scan, M of them.
 
-    instance (M,) uint32; class_id (M,) uint8; centre (M, 3), extent (M, 3) length, width, height [m]; yaw (M,)
-    [rad]; velocity (M, 3) [m/s]; float64, world frame.
+    instance (M,) uint32; class_id (M,) uint8; centre (M, 3), extent (M, 3) length, width, height [m]; yaw
+    (M,) [rad]; velocity (M, 3) [m/s]; float64, world frame.
     """
 
     instance: NDArray[np.uint32]
@@ -140,20 +141,21 @@ class Labeller:
     def _strongest(
         self, echoes: Echoes, cells: NDArray[np.int64]
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
-        """Return, for flat cell numbers (C,): the power that echoes spread there [W], which kind of them (DIRECT,
-        GHOST or SIDELOBE) has most of it, and the return of the strongest echo of that kind.
+        """Return power [W], kind and return number of the strongest echoes at flat cell numbers (C,).
+
+        Power is all that echoes spread there; the kind (DIRECT, GHOST or SIDELOBE) is the one with most of
+        it; the return is that of the strongest echo of that kind.
 
         The largest (power, return) pair is found with an integer maximum, which no order of work changes.
         """
         if len(echoes) == 0:
-            return (
-                np.zeros(len(cells), np.float32),
-                *(np.zeros(len(cells), kind) for kind in (np.uint8, np.uint32)),
-            )
+            count = len(cells)
+            return np.zeros(count, np.float32), np.zeros(count, np.uint8), np.zeros(count, np.uint32)
         sensor, kinds = self._sensor, len(_KINDS)
         place = ((grid_place(echoes.range_m, sensor) + 0.5) * (1 / _STEP)).astype(np.int32)
         np.clip(place, 0, self._steps - 1, out=place)
-        kind = np.where(echoes.sidelobe, np.int32(2), (echoes.returns.bounces > 1).astype(np.int32)[echoes.source])
+        ghost = (echoes.returns.bounces > 1).astype(np.int32)[echoes.source]
+        kind = np.where(echoes.sidelobe, np.int32(2), ghost)
         number = (echoes.row * np.int32(self._steps) + place) * np.int32(kinds) + kind
         amplitude = echoes.amplitude
         power = np.square(amplitude.real) + np.square(amplitude.imag)
@@ -162,16 +164,14 @@ class Labeller:
         key = mi.UInt64(dr.reinterpret_array(mi.UInt32, mi.Float(power))) << 32
         best = dr.zeros(mi.UInt64, size)
         index = mi.UInt32(number.astype(np.uint32))
-        dr.scatter_reduce(
-            dr.ReduceOp.Max, best, key | mi.UInt64(mi.UInt32(echoes.source)), index
-        )
+        dr.scatter_reduce(dr.ReduceOp.Max, best, key | mi.UInt64(mi.UInt32(echoes.source)), index)
         row, column = np.divmod(cells.astype(np.uint32), np.uint32(sensor.bins))
         return self._spread(best, mi.Float(total), mi.UInt32(row), mi.UInt32(column // np.uint32(_STEP)))
 
     def _spread(
         self, best: "mi.UInt64", total: "mi.Float", row: "mi.UInt32", step: "mi.UInt32"
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
-        """Return all power spread over each cell, the kind with most of it, and the return of its largest `best`."""
+        """Return the power spread over each cell, the kind with most of it, and its strongest return."""
         kinds = len(_KINDS)
         sums = [mi.Float(0) for _ in _KINDS]
         for share, place, valid in self._neighbours(row, step):
@@ -190,8 +190,10 @@ class Labeller:
         dr.eval(power, most, source)
         return power.numpy(), np.array(_KINDS, np.uint8)[most.numpy()], source.numpy()
 
-    def _neighbours(self, row: "mi.UInt32", step: "mi.UInt32") -> "Iterator[tuple[float, mi.UInt32, mi.Bool]]":
-        """Yield, for each step along range within the point spread, its share, its number, and if it exists."""
+    def _neighbours(
+        self, row: "mi.UInt32", step: "mi.UInt32"
+    ) -> "Iterator[tuple[float, mi.UInt32, mi.Bool]]":
+        """Yield share, number and existence of each step along range within the point spread."""
         for offset in range(-len(self._shape) + 1, len(self._shape)):
             place = mi.Int32(step) + offset
             valid = (place >= 0) & (place < self._steps)

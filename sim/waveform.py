@@ -1,13 +1,13 @@
 """From echoes to range profiles: the sampled beat signal, and the point-spread function as the fast way.
 
-An echo of amplitude a [sqrt(W)] at range r is a beat tone sqrt(2) Re(a exp(j 2 pi f n / fs)), f = 2 B r / (c T),
-with n counted from the sweep's middle. `beat_reference` sums the tones one by one; `beat` lays the echoes on
-the grid of range bins with linear weights and transforms once, then divides the weights' own spectrum (sinc^2)
-out, which is exact but for aliases below -50 dB; `profile` spreads the grid by the window's spectrum and never
-makes the beat signal.
+An echo of amplitude a [sqrt(W)] at range r is a beat tone sqrt(2) Re(a exp(j 2 pi f n / fs)), f = 2 B r / (c
+T), with n counted from the sweep's middle. `beat_reference` sums the tones one by one; `beat` lays the echoes
+on the grid of range bins with linear weights and transforms once, then divides the weights' own spectrum
+(sinc^2) out, which is exact but for aliases below -50 dB; `profile` spreads the grid by the window's spectrum
+and never makes the beat signal.
 
-Bin k of a profile is centred at (k + 1/2) bin_m, as the loaders of the real sensor's data take it: the delay of
-the feed is calibrated so that a tone of frequency k fs / fft_size comes from there.
+Bin k of a profile is centred at (k + 1/2) bin_m, as the loaders of the real sensor's data take it: the delay
+of the feed is calibrated so that a tone of frequency k fs / fft_size comes from there.
 """
 
 import math
@@ -15,16 +15,17 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
+from scipy.fft import fftfreq
 
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.link import window
 from echoscape.sim.sensor import Sensor
+from echoscape.sim.transforms import fft, ifft, irfft, next_fast_len, rfft
 
 BIN_CENTRE = 0.5
 """Where in its bin an echo peaks."""
 _GUARD = 64
-"""Bins below range 0 in which the mirror image of near echoes (negative beat frequency) is kept by `profile`."""
+"""Bins below range 0 in which `profile` keeps the mirror image of near echoes (negative beat frequency)."""
 
 
 def sample_times(sensor: Sensor) -> NDArray[np.int64]:
@@ -40,8 +41,8 @@ def grid_place(range_m: NDArray, sensor: Sensor) -> NDArray[np.float64]:
 def echo_grid(echoes: Echoes, sensor: Sensor, *, rows: int | None = None) -> NDArray[np.complex64]:
     """Lay echoes on the grid of range bins: (rows or azimuths, fft_size / 2) complex64 [sqrt(W)].
 
-    Sums run in the order of the echoes, so the result does not depend on threads. Echoes nearer than half a bin
-    or beyond the grid are clamped to its ends.
+    Sums run in the order of the echoes, so the result does not depend on threads. Echoes nearer than half a
+    bin or beyond the grid are clamped to its ends.
     """
     bins = sensor.fft_size // 2
     place = np.clip(grid_place(echoes.range_m, sensor), 0, bins - 1.001)
@@ -62,7 +63,7 @@ def echo_grid(echoes: Echoes, sensor: Sensor, *, rows: int | None = None) -> NDA
 
 @lru_cache(maxsize=8)
 def _weights_spectrum(sensor: Sensor, count: int) -> NDArray[np.float32]:
-    """Return sqrt(2) over the spectrum of the grid's linear weights (sinc^2: a triangle of a bin each way)."""
+    """Return sqrt(2) over the spectrum of the grid's linear weights (sinc^2: triangles of two bins)."""
     times = np.arange(count) - count // 2
     return (math.sqrt(2) / np.sinc(times / sensor.fft_size) ** 2).astype(np.float32)
 
@@ -71,10 +72,11 @@ def beat(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.float32]:
     """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes (rows, fft_size / 2)."""
     size, half = sensor.fft_size, sensor.samples // 2
     # irfft halves all but the first bin against the sum over positive frequencies only.
-    signal = fft.irfft(grid, size, axis=1)
+    signal = irfft(grid, size)
     signal += grid[:, :1].real / np.float32(size)
     middle = np.concatenate([signal[:, -half:], signal[:, :half]], axis=1)
-    return middle * (_weights_spectrum(sensor, sensor.samples) * np.float32(size / 2))
+    middle *= _weights_spectrum(sensor, sensor.samples) * np.float32(size / 2)
+    return middle
 
 
 def analytic_beat(grid: NDArray[np.complex64], sensor: Sensor, *, count: int) -> NDArray[np.complex64]:
@@ -83,7 +85,7 @@ def analytic_beat(grid: NDArray[np.complex64], sensor: Sensor, *, count: int) ->
     `count` is even and may reach beyond the sweep on both sides.
     """
     half = count // 2
-    signal = fft.ifft(grid, sensor.fft_size, axis=1)
+    signal = ifft(grid, sensor.fft_size)
     middle = np.concatenate([signal[:, -half:], signal[:, :half]], axis=1)
     return middle * (_weights_spectrum(sensor, count) * np.float32(sensor.fft_size))
 
@@ -104,7 +106,7 @@ def spectrum(signal: NDArray[np.float32], sensor: Sensor) -> NDArray[np.complex6
     An echo of amplitude a peaks with |a| sum(w) / sqrt(2) at its bin. Phases count from the first sample.
     """
     weighted = signal * window(sensor).astype(np.float32)
-    return fft.rfft(weighted, sensor.fft_size, axis=1)[:, : sensor.bins]
+    return rfft(weighted, sensor.fft_size)[:, : sensor.bins]
 
 
 @lru_cache(maxsize=8)
@@ -114,7 +116,7 @@ def _spreading(sensor: Sensor, size: int) -> NDArray[np.float32]:
     The sweep's samples are sampled anew at `size` points of the ring's time, between them linearly: the
     window and the weights' spectrum are smooth.
     """
-    times = fft.fftfreq(size) * sensor.fft_size
+    times = fftfreq(size) * sensor.fft_size
     half = sensor.samples // 2
     inside = np.interp(times, np.arange(-half, half), window(sensor), left=0.0, right=0.0)
     return (inside * (math.sqrt(0.5) / np.sinc(times / sensor.fft_size) ** 2) * sensor.fft_size).astype(
@@ -129,10 +131,10 @@ def profile(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.complex64
     the spread not to meet itself. Valid where nothing in the receiver is non-linear.
     """
     bins = grid.shape[1]
-    size = fft.next_fast_len(bins + 2 * _GUARD)
+    size = next_fast_len(bins + 2 * _GUARD)
     image = np.zeros((len(grid), size), np.complex64)
     image[:, :bins] = grid
     image[:, 0] += grid[:, 0].conj()
     image[:, size - _GUARD + 1 :] += grid[:, _GUARD - 1 : 0 : -1].conj()
-    spread = fft.ifft(fft.fft(image, axis=1) * _spreading(sensor, size), axis=1)
+    spread = ifft(fft(image) * _spreading(sensor, size))
     return spread[:, : sensor.bins]

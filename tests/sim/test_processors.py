@@ -58,5 +58,7 @@ def test_avx2_and_the_native_target_make_the_same_bytes() -> None:
         pytest.skip("needs a processor with AVX2 and FMA")
     native = digest("native", 0)
     # NumPy's names for its AVX-512 code; what a build does not know it only warns about.
-    narrow = digest("skylake", 8, NPY_DISABLE_CPU_FEATURES="X86_V4 AVX512_ICL AVX512_SPR", PYTHONWARNINGS="ignore")
+    narrow = digest(
+        "skylake", 8, NPY_DISABLE_CPU_FEATURES="X86_V4 AVX512_ICL AVX512_SPR", PYTHONWARNINGS="ignore"
+    )
     assert native == narrow

@@ -34,7 +34,7 @@ def test_codes_grow_with_power_and_stay_below_255(power: float) -> None:
 
 @given(count=st.integers(8, 1 << 20))
 def test_half_a_code_is_a_decibel_of_the_piecewise_logarithm(count: int) -> None:
-    # The chord of log2 lies at most 0.0861 octaves below it, an octave counts 3 dB for 3.0103, codes are rounded.
+    # The chord of log2 lies at most 0.0861 octaves low; an octave counts 3 dB for 3.0103; codes are rounded.
     tolerance = 0.0861 * 3.0103 + 0.0103 * math.log2(count) + 0.25
     assert decibels(codes(count)) == pytest.approx(10 * math.log10(count), abs=tolerance)
 

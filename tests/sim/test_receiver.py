@@ -76,11 +76,8 @@ def test_clipped_sine_has_the_harmonics_of_a_square_wave() -> None:
     # A tone far above full scale becomes a square wave: third harmonic 1/3 of the amplitude, -9.54 dB.
     strong = 1e6 * full_scale_amplitude(SMALL) ** 2
     found = received([20.0], [strong], replace_artefacts(QUIET, saturation=True))
-    first, third, fifth = (
-        found.power[0, round(k * 20.0 / SMALL.bin_m - 0.5 - (k - 1) * 0.0)] for k in (1, 3, 5)
-    )
     peaks = [found.power[0, around(k * 20.0) - 8 : around(k * 20.0) + 8].max() for k in (1, 3, 5)]
-    assert first > 0 and third > 0 and fifth > 0
+    assert min(peaks) > 0
     np.testing.assert_allclose(10 * np.log10(np.array(peaks[1:]) / peaks[0]), [-9.54, -13.98], atol=0.5)
     assert found.saturated.all()
 
@@ -118,7 +115,7 @@ def test_phase_noise_filter_is_the_sum_over_echoes_with_their_own_delays() -> No
     rng = np.random.default_rng(2)
     ranges, sensor = np.array([7.0, 41.3, 80.2]), replace(SMALL, azimuths=1)
     echoes = point_echoes(row=np.zeros(3), range_m=ranges, amplitude=np.array([1.0, 0.5j, -0.3]), azimuths=1)
-    # Strong, so that small-angle shortcuts would show; slow enough that no sideband passes half the sampling rate.
+    # Strong, so that small-angle shortcuts would show; slow, so that no sideband passes half the rate.
     slow = np.fft.rfft(10 * phase_noise(sensor, rows=1, count=2048, rng=rng))
     slow[:, 300:] = 0
     phase = np.fft.irfft(slow).astype(np.float32)

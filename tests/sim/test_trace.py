@@ -47,7 +47,7 @@ def row_power(echoes: Echoes, row: int, near_m: float, far_m: float) -> float:
 
 
 def quadrature(distance_m: float, material: str, *, width_m: float, height_m: float) -> float:
-    """Power from an upright plate straight ahead, by integrating the radar equation over it on a fine grid [W].
+    """Power from an upright plate straight ahead: the radar equation integrated over it on a fine grid [W].
 
     Written apart from the simulator: BRDF, Fresnel and roughness from their formulas.
     """
@@ -139,7 +139,7 @@ def test_ghost_of_a_car_lies_at_its_mirror_image_behind_the_wall() -> None:
 
 
 def test_loop_lies_half_way_between_both_ways() -> None:
-    # Ahead a wall, beside the way a rough plate: out by way of the wall and straight back, or the other way round.
+    # A wall ahead, a rough plate beside the way: out by the wall and straight back, or the other way round.
     wall = plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0)
     side = plate([25.0, 2.0, HEIGHT_M], [0, -1], 1.0, 1.0)
     echoes = traced(world(("metal", "wall", wall), ("soil", "car", side)), standing())
@@ -201,7 +201,7 @@ def test_speckle_decorrelates_over_the_beams_aperture_length() -> None:
         return np.array([cell_sum(echoes, k % 400, r) for k, r in zip(rows, ranges, strict=True)])
 
     def coherence(a: NDArray, b: NDArray) -> float:
-        return abs(np.vdot(a, b)) / (np.linalg.norm(a) * np.linalg.norm(b))
+        return float(abs(np.vdot(a, b)) / (np.linalg.norm(a) * np.linalg.norm(b)))
 
     def flat(values: NDArray, y: float) -> NDArray:
         # Take out the common phase of a sideways step: 4 pi y sin(azimuth) / lambda, clockwise azimuths.
@@ -231,7 +231,7 @@ def test_speckle_is_exponential_in_intensity() -> None:
                 abs(cell_sum(echoes, row % 400, 40.0 / math.cos(row * ROW_RAD), 0.6)) ** 2 / mean
             )
     intensity = np.array(intensity)
-    # 108 independent cells: the mean is 1 with a standard error of 0.1, and so is mean / std of an exponential.
+    # 108 independent cells: the mean is 1 with a standard error of 0.1; so is mean / std of an exponential.
     assert intensity.mean() == pytest.approx(1.0, abs=0.3)
     assert intensity.mean() / intensity.std() == pytest.approx(1.0, abs=0.3)
     assert np.std(decibel(intensity)) == pytest.approx(5.57, abs=1.2)
@@ -280,12 +280,13 @@ def test_movers_move_within_the_scan() -> None:
     box = box_prototype("box", (2.0, 2.0, 3.0), "soil")
     ride = straight([-30.0, -6.0], [0.0, 20.0])
     echoes = traced(
-        world(("soil", "ground", quad([[900, 900, 0], [901, 900, 0], [901, 901, 0]] + [[900, 901, 0]]))),
+        world(("soil", "ground", quad([[900, 900, 0], [901, 900, 0], [901, 901, 0], [900, 901, 0]]))),
         standing(),
         (mover(5, box, ride),),
     )
     mine = (echoes.instance == 5) & (echoes.bounces == 1) & ~echoes.sidelobe
-    assert mine.any() and echoes.moving[mine].all()
+    assert mine.any()
+    assert echoes.moving[mine].all()
     power = np.bincount(echoes.row[mine], echoes.mean_power[mine], 400)
     for row in np.flatnonzero(power > 0.1 * power.max()):
         y = -6.0 + 20.0 * STEADY.row_s * row

@@ -83,7 +83,7 @@ def test_ghost_mask_marks_what_vanishes_without_ghosts(yard: Town) -> None:
     ghosts = cells(every).component == Component.GHOST
     alone = cells(every).component == Component.DIRECT
     assert ghosts.sum() > 100
-    # Ghost cells lose more than half their power, direct ones keep theirs: in the median, as speckle adds in any phase.
+    # Ghost cells lose over half their power, direct ones keep theirs (medians: speckle adds in any phase).
     loud = every.codes > 20
     assert np.median(direct.codes[ghosts & loud] / 2.0 - every.codes[ghosts & loud] / 2.0) < -3.0
     assert np.median(np.abs(direct.codes[alone & loud] / 2.0 - every.codes[alone & loud] / 2.0)) <= 1.5
@@ -96,11 +96,13 @@ def test_spokes_and_saturation_go_together(yard: Town) -> None:
     loud = replace(STEADY, full_scale_db=50.0)
     quiet = Simulator(yard, standing(), seed=1, sensor=STEADY, settings=TraceSettings(rays=64)).scan(0)
     clipped = Simulator(yard, standing(), seed=1, sensor=loud, settings=TraceSettings(rays=64)).scan(0)
-    assert clipped.truth is not None and quiet.truth is not None
+    assert clipped.truth is not None
+    assert quiet.truth is not None
     rows = clipped.truth.saturated
     assert rows.sum() > quiet.truth.saturated.sum()
     share = (clipped.truth.cells.component == Component.SPOKE).mean(axis=1)
-    assert rows.any() and not rows.all()
+    assert rows.any()
+    assert not rows.all()
     assert share[rows].mean() > 3 * share[~rows].mean()
 
 

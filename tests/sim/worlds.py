@@ -40,7 +40,7 @@ def quad(corners: list[list[float]]) -> Mesh:
 
 def plate(centre: list[float], facing: list[float], width: float, height: float) -> Mesh:
     """An upright rectangle about `centre` whose normal is the horizontal direction `facing`."""
-    normal = np.array([*facing, 0.0]) / np.hypot(*facing)
+    normal = np.array([*facing, 0.0]) / np.hypot(facing[0], facing[1])
     along, up = np.cross([0, 0, 1.0], normal) * width / 2, np.array([0, 0, height / 2])
     middle = np.array(centre)
     return quad([list(middle + a * along + b * up) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
