@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import cast
 
 from echoscape.scenes.drive import Drive
 from echoscape.scenes.world import Mover, Town
@@ -125,9 +126,9 @@ class _Crew:
             done, to_do = 0, iter(range(scans))
             self._busy = {pipe: -1 for pipe in self._hands}
             while self._busy:
-                for pipe in wait(list(self._busy)):
-                    done += self._answer(pipe) >= 0  # type: ignore[arg-type]
-                    self._hand_out(pipe, to_do)  # type: ignore[arg-type]
+                for pipe in cast("list[Connection]", wait(list(self._busy))):
+                    done += self._answer(pipe) >= 0
+                    self._hand_out(pipe, to_do)
                 report(done)
         finally:
             self._stop()

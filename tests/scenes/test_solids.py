@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from echoscape.scenes import solids
-from echoscape.scenes.boundaries import fence, wall
+from echoscape.scenes.boundaries import FenceKind, fence, wall
 from echoscape.scenes.world import Mesh
 
 L_SHAPE = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 2], [0, 2.0]])  # area 4
@@ -81,8 +81,8 @@ def test_wall_keeps_to_its_height_and_line() -> None:
 @pytest.mark.parametrize(
     ("kind", "material"), [("boards", "wood"), ("railing", "metal"), ("chain_link", "metal")]
 )
-def test_fences_are_of_their_material_and_let_rays_through_where_open(kind: str, material: str) -> None:
-    parts = fence(np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 5.0]]), height_m=1.5, kind=kind)  # pyright: ignore
+def test_fences_are_of_their_material_and_let_rays_through_where_open(kind: FenceKind, material: str) -> None:
+    parts = fence(np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 5.0]]), height_m=1.5, kind=kind)
     assert set(parts) == {material}
     assert parts[material].vertices[:, 2].max() < 1.6
     facing = solids.areas(parts[material].vertices, parts[material].faces).sum()
