@@ -15,7 +15,7 @@ $(READY): pyproject.toml constraints.txt hatch_build.py
 
 demo: $(READY)
 	rm -rf demo
-	$(BIN)/echoscape simulate demo --seed 7 --scans 40
+	$(BIN)/echoscape simulate demo --seed 7 --scans 40 --workers 2
 
 picture: demo
 	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.preview import small_copy; \
@@ -33,7 +33,7 @@ test-slow: $(READY)
 	$(BIN)/python -m pytest -m slow
 
 bench: $(READY)
-	$(BIN)/python -m benchmarks.speed
+	$(BIN)/python -m benchmarks.scan_rate
 
 clean:
 	rm -rf $(VENV) build demo

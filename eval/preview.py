@@ -23,7 +23,7 @@ from echoscape.eval.plan import Window, plan_picture
 from echoscape.sim.cartesian import nearest_cells, polar_to_cartesian
 from echoscape.sim.manifest import read_manifest, sensor_of
 from echoscape.sim.oxford import read_png, read_timestamps
-from echoscape.sim.scan import PolarScan, ScanTruth
+from echoscape.sim.polar_scan import PolarScan, ScanTruth
 from echoscape.sim.truth_files import read_arrays, read_truth
 from echoscape.sim.whole_files import DatasetError, write_whole
 

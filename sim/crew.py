@@ -73,7 +73,10 @@ class ScanMaker:
     def __init__(self, out: Path, recipe: Recipe, scenery: Scenery, *, threads: int | None) -> None:
         """`threads` for Dr.Jit in this process; None leaves it as it is."""
         from echoscape.sim.backend import set_threads
+        from echoscape.sim.heap import keep_freed_memory
         from echoscape.sim.scan import Simulator
+
+        keep_freed_memory()
 
         if threads is not None:
             set_threads(threads)
@@ -90,7 +93,7 @@ class ScanMaker:
 
     def make(self, index: int) -> None:
         """Make scan `index` unless it is there; its picture is written last and so stands for all of it."""
-        from echoscape.sim.scan import EPOCH_US
+        from echoscape.sim.polar_scan import EPOCH_US
 
         stamp = EPOCH_US + round(self._simulator.turn(index).start_s * 1e6)
         picture = self._out / "radar" / f"{stamp}.png"

@@ -28,7 +28,7 @@ _PACKAGES = ("echoscape", "numpy", "scipy", "shapely", "trimesh", "pillow", "mit
 
 def manifest(recipe: Recipe) -> dict[str, Any]:
     """Return what echoscape.json says of a dataset that this installation makes of `recipe`."""
-    from echoscape.sim.truth import Component
+    from echoscape.sim.polar_scan import Component
 
     content = {
         "format": FORMAT,

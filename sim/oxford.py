@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.scan import PolarScan
+from echoscape.sim.polar_scan import PolarScan
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.whole_files import DatasetError, write_whole
 

@@ -13,7 +13,7 @@ from echoscape.scenes.traffic import TrafficSettings
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.sensor import Sensor
-from echoscape.sim.trace import TraceSettings
+from echoscape.sim.trace_settings import TraceSettings
 
 _JITTERS = 2.5
 """Standard deviations beyond which no turn's duration is drawn (sim.motion.turns)."""
@@ -50,9 +50,6 @@ class Recipe:
             raise ValueError(f"seed must be 0 or more, got {self.seed}")
         if self.scans < 1:
             raise ValueError(f"scans must be 1 or more, got {self.scans}")
-        side = math.isqrt(max(self.trace.rays, 0))
-        if side * side != self.trace.rays or side < 4:
-            raise ValueError(f"trace.rays must be a square number of 16 or more, got {self.trace.rays}")
         if not 0 <= self.sensor.rotation_jitter_s < 0.1 / self.sensor.rotation_hz:
             raise ValueError(
                 "sensor.rotation_jitter_s must be 0 or more and below a tenth of a turn, "

@@ -5,7 +5,6 @@ scan = simulator.scan(0)
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -17,18 +16,17 @@ from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.motion import MoverStates, Turn, mover_states, row_poses, turns
+from echoscape.sim.polar_scan import EPOCH_US, PolarScan, ScanTruth
 from echoscape.sim.quantiser import codes
 from echoscape.sim.receiver import receive
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.town_scene import TownScene
-from echoscape.sim.trace import Tracer, TraceSettings
-from echoscape.sim.truth import CellTruth, Labeller, MoverBoxes, mover_boxes
+from echoscape.sim.trace import Tracer
+from echoscape.sim.trace_settings import TraceSettings
+from echoscape.sim.truth import Labeller, mover_boxes
 from echoscape.sim.waveform import echo_grid
 
-EPOCH_US = 1_700_000_000_000_000
-"""Time stamp of a drive's start [us since 1970]; simulated drives all begin then."""
-
-_STAGES = {"turns": 2, "noise": 3, "phase_noise": 4}
+_STAGES = {"turns": 301, "noise": 302, "phase_noise": 303}
 
 
 class HasTrajectory(Protocol):
@@ -38,42 +36,6 @@ class HasTrajectory(Protocol):
     def trajectory(self) -> Trajectory:
         """The motion of the car that carries the radar."""
         ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScanTruth:
-    """The truth of one scan.
-
-    cells: by cell; pose (azimuths, 4) float64: x, y, z [m], yaw [rad] of the car in the world at each row;
-    middle_pose (4,): the same at `middle_us`, the time that odometry refers to; saturated (azimuths,) bool;
-    first_m (azimuths,) float32: distance of the first thing in the beam that is no ground [m], inf if none;
-    boxes: the movers near the radar at mid-scan.
-    """
-
-    cells: CellTruth
-    pose: NDArray[np.float64]
-    middle_pose: NDArray[np.float64]
-    middle_us: int
-    saturated: NDArray[np.bool_]
-    first_m: NDArray[np.float32]
-    boxes: MoverBoxes
-
-
-@dataclass(frozen=True, kw_only=True)
-class PolarScan:
-    """A scan as the sensor writes it, with its truth where it is known.
-
-    codes (azimuths, bins) uint8: half decibels; timestamp_us (azimuths,) int64; encoder (azimuths,) uint16;
-    valid (azimuths,) bool; bin_m: range step [m]. Row i looks along azimuth 2 pi i / azimuths, clockwise from
-    straight ahead; bin k is centred at (k + 1/2) bin_m.
-    """
-
-    codes: NDArray[np.uint8]
-    timestamp_us: NDArray[np.int64]
-    encoder: NDArray[np.uint16]
-    valid: NDArray[np.bool_]
-    bin_m: float
-    truth: ScanTruth | None = None
 
 
 class Simulator:

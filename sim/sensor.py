@@ -91,6 +91,12 @@ class Sensor:
         for name in _POSITIVE:
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} must be above 0, got {getattr(self, name)}")
+        if self.rotation_jitter_s < 0:
+            raise ValueError(f"rotation_jitter_s must be 0 or more, got {self.rotation_jitter_s}")
+        if self.encoder_per_turn < self.azimuths:
+            raise ValueError(
+                f"encoder_per_turn must be azimuths ({self.azimuths}) or more, got {self.encoder_per_turn}"
+            )
         if self.doppler_sign not in (-1, 1):
             raise ValueError(f"doppler_sign must be -1 or 1, got {self.doppler_sign}")
         if self.fft_size & (self.fft_size - 1) or self.fft_size < 2 * self.bins:

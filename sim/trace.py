@@ -5,7 +5,6 @@ the radar's poses by row and the movers' states.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,31 +23,15 @@ from echoscape.sim.scattering import Surfaces
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.speckle import hash32
 from echoscape.sim.town_scene import TownScene
+from echoscape.sim.trace_settings import TraceSettings
 
+RAYS_STAGE = 300
+"""Number of the stage that draws the directions of rays; those of scenes/ are smaller."""
 LIKELY_BRDF = 0.3
 """Scattering [1/sr] of a rough wall met head on: what a mirrored ray is assumed to meet next."""
 LEAST_CHANCE = 0.1
 """A mirrored ray goes on at least this often: it may meet a glint, which is a thousand times brighter."""
 GROUND_CLASSES = tuple(CLASSES.index(name) for name in ("none", "ground", "road", "pavement", "kerb"))
-
-
-@dataclass(frozen=True, kw_only=True)
-class TraceSettings:
-    """How finely and how far a scan is traced."""
-
-    rays: int = 256
-    """Rays of a row, a square number."""
-    max_bounces: int = 3
-    """Surfaces that a path may meet, out and back; 1 leaves direct echoes only."""
-    floor_db: float = -8.0
-    """Echoes weaker than this against the mean thermal noise are left out [dB]."""
-
-    def __post_init__(self) -> None:
-        """Refuse settings that trace nothing."""
-        if not 1 <= self.max_bounces <= 9:
-            raise ValueError(f"max_bounces must be between 1 and 9, got {self.max_bounces}")
-        if not math.isfinite(self.floor_db):
-            raise ValueError(f"floor_db must be finite, got {self.floor_db}")
 
 
 class Tracer:
@@ -70,7 +53,7 @@ class Tracer:
         self._sensor = sensor
         self._settings = settings
         antenna = Antenna(sensor)
-        rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, RAYS_STAGE]))
         chosen = draw_directions(antenna, rays=settings.rays, rng=rng)
         elevation = chosen.elevation_rad + math.radians(sensor.mount_tilt_deg)
         self._row = mi.UInt32(chosen.row)

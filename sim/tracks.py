@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from echoscape.scenes.trajectory import Trajectory
 from echoscape.scenes.world import Mover
-from echoscape.sim.scan import EPOCH_US
+from echoscape.sim.polar_scan import EPOCH_US
 
 MOVER_COLUMNS = "instance,class,prototype,length_m,width_m,height_m"
 TRACK_COLUMNS = "timestamp_us,instance,x_m,y_m,z_m,yaw_rad,vx_mps,vy_mps,yaw_rate_rps"

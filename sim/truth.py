@@ -7,8 +7,6 @@ sidelobe of the range window.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,21 +16,10 @@ from echoscape.sim.backend import dr, mi
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.link import range_gain, units_per_watt, window, written_units
 from echoscape.sim.motion import MoverStates
+from echoscape.sim.polar_scan import CellTruth, Component, MoverBoxes
 from echoscape.sim.receiver import Received, leakage_grid
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.waveform import BIN_CENTRE, beat, grid_place, spectrum
-
-
-class Component(IntEnum):
-    """What a cell's power comes from."""
-
-    NOISE = 0
-    LEAKAGE = 1
-    DIRECT = 2
-    GHOST = 3
-    SIDELOBE = 4
-    SPOKE = 5
-
 
 _STEP = 2
 """Bins in which echoes are told apart for the truth; the point spread is some 8 bins wide."""
@@ -41,37 +28,6 @@ _KINDS = (Component.DIRECT, Component.GHOST, Component.SIDELOBE)
 EXPLAINED = 0.1
 """Share of a cell's echo power that the echoes within the point spread must reach, added by power, to explain
 it: speckle adds them in any phase, so a cell may hold much more or less."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CellTruth:
-    """Truth by cell, all arrays (azimuths, bins).
-
-    component, class_id and bounces are uint8, instance uint32, moving bool; class_id, instance, bounces and
-    moving are 0 where no single thing dominates.
-    """
-
-    component: NDArray[np.uint8]
-    instance: NDArray[np.uint32]
-    class_id: NDArray[np.uint8]
-    bounces: NDArray[np.uint8]
-    moving: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, kw_only=True)
-class MoverBoxes:
-    """Boxes of the movers near the radar at mid-scan, M of them.
-
-    instance (M,) uint32; class_id (M,) uint8; centre (M, 3), extent (M, 3) length, width, height [m]; yaw
-    (M,) [rad]; velocity (M, 3) [m/s]; float64, world frame.
-    """
-
-    instance: NDArray[np.uint32]
-    class_id: NDArray[np.uint8]
-    centre: NDArray[np.float64]
-    extent: NDArray[np.float64]
-    yaw: NDArray[np.float64]
-    velocity: NDArray[np.float64]
 
 
 def mover_boxes(states: MoverStates) -> MoverBoxes:

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.scan import ScanTruth
-from echoscape.sim.truth import CellTruth, MoverBoxes
+from echoscape.sim.polar_scan import CellTruth, MoverBoxes, ScanTruth
 from echoscape.sim.whole_files import DatasetError, write_whole
 
 _LEVEL = 1

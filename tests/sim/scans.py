@@ -3,8 +3,7 @@
 import numpy as np
 
 from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.scan import PolarScan, ScanTruth
-from echoscape.sim.truth import CellTruth, MoverBoxes
+from echoscape.sim.polar_scan import CellTruth, MoverBoxes, PolarScan, ScanTruth
 
 START_US = 1_700_000_000_000_000
 

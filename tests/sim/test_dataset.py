@@ -22,7 +22,7 @@ from echoscape.sim.dataset import write_dataset
 from echoscape.sim.manifest import read_manifest, sensor_of
 from echoscape.sim.oxford import read_odometry, read_png, read_timestamps
 from echoscape.sim.recipe import Recipe
-from echoscape.sim.trace import TraceSettings
+from echoscape.sim.trace_settings import TraceSettings
 from echoscape.sim.truth_files import read_truth
 from echoscape.sim.whole_files import DatasetError
 

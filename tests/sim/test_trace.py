@@ -16,7 +16,7 @@ from echoscape.sim.echoes import Echoes
 from echoscape.sim.fresnel import permittivity, reflection
 from echoscape.sim.link import link_w_m2
 from echoscape.sim.scan import Simulator
-from echoscape.sim.trace import TraceSettings
+from echoscape.sim.trace_settings import TraceSettings
 from tests.sim.worlds import Ride, box_prototype, decibel, mover, plate, quad, standing, straight, world
 
 FINE = TraceSettings(rays=1024, floor_db=-60.0)

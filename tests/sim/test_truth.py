@@ -6,9 +6,9 @@ import pytest
 from echoscape.scenes.world import CLASSES, Town
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.scan import PolarScan, Simulator
-from echoscape.sim.trace import TraceSettings
-from echoscape.sim.truth import CellTruth, Component
+from echoscape.sim.polar_scan import CellTruth, Component, PolarScan
+from echoscape.sim.scan import Simulator
+from echoscape.sim.trace_settings import TraceSettings
 from tests.sim.worlds import Ride, box_prototype, mover, plate, quad, standing, straight, world
 
 STEADY = replace(CTS350X, rotation_jitter_s=1e-9)

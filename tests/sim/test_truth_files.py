@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from echoscape.sim.scan import ScanTruth
+from echoscape.sim.polar_scan import ScanTruth
 from echoscape.sim.truth_files import NAMES, read_truth, truth_bytes, write_truth
 from echoscape.sim.whole_files import DatasetError
 from tests.sim.scans import drawn_scan

@@ -1,0 +1,1 @@
+"""Speed and memory, measured: the same work side by side, medians, on a stated machine."""

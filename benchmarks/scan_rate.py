@@ -1,0 +1,56 @@
+"""Scans a second in the default town, all artefacts on and truth written, in the steady state.
+
+    python -m benchmarks.scan_rate [--scans 120] [--workers 1 2]
+
+One dataset for each number of workers; the rate is that of the later half of its scans.
+"""
+
+import argparse
+import os
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks.machine import description
+from echoscape.sim.dataset import write_dataset
+from echoscape.sim.recipe import Recipe
+
+
+def rate(scans: int, workers: int, seed: int) -> float:
+    """Return the scans a second of the later half of a run."""
+    times: list[tuple[int, float]] = []
+
+    def clock(stage: str, done: int, total: int) -> None:
+        if stage == "scans":
+            times.append((done, time.perf_counter()))
+
+    with tempfile.TemporaryDirectory() as folder:
+        write_dataset(
+            Path(folder) / "data",
+            Recipe(seed=seed, scans=scans),
+            workers=workers,
+            threads=max(1, (os.cpu_count() or 1) // workers),
+            progress=clock,
+        )
+    first, begun = next((done, at) for done, at in times if done >= scans // 2)
+    last, ended = times[-1]
+    return (last - first) / (ended - begun)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--scans", type=int, default=120)
+    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--seed", type=int, default=7)
+    options = parser.parse_args()
+    print(description())
+    for workers in options.workers:
+        found = rate(options.scans, workers, options.seed)
+        print(f"{workers} worker(s): {found:.2f} scans/s over the later half of {options.scans} scans")
+
+
+if __name__ == "__main__":
+    main()
