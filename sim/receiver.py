@@ -6,6 +6,7 @@ follow; a strong far echo carries its phase-noise skirt.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +23,17 @@ _BLOCK = 25
 """Rows that are processed together, so that what is being worked on stays in the processor's cache."""
 
 
+PART_STEP = 2
+"""The parts of the power are told in every second bin: the point spread is some 8 bins wide."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Received:
     """What the receiver makes of one scan, in units of written power.
 
-    power (A, bins) float32: what the quantiser takes; echo, noise, distortion (A, bins) float32: the parts
-    that echoes, thermal noise, and everything non-linear (clipping, converter steps, phase noise) have alone;
-    saturated (A,) bool: a sample of the row was clipped.
+    power (A, bins) float32: what the quantiser takes; echo, noise, distortion (A, bins / PART_STEP) float32:
+    the parts that echoes, thermal noise, and everything non-linear (clipping, converter steps, phase noise)
+    have alone, in every PART_STEP-th bin; saturated (A,) bool: a sample of the row was clipped.
     """
 
     power: NDArray[np.float32]
@@ -82,20 +87,26 @@ def receive(
     The linear parts (echo, noise) and the whole are transformed alike; what the whole has beyond them is
     distortion.
     """
-    gain = (
-        written_units(sensor) * range_gain(sensor, (np.arange(sensor.bins) + BIN_CENTRE) * sensor.bin_m)
-    ).astype(np.float32)
+    gain = _written_gain(sensor)
     noise = thermal_noise(sensor, rng=noise_rng) if artefacts.thermal_noise else None
     leak = leakage_grid(sensor) if artefacts.leakage else np.zeros((1, grid.shape[1]), np.complex64)
-    parts = [np.empty((sensor.azimuths, sensor.bins), np.float32) for _ in range(4)]
+    steps = [1] + 3 * [PART_STEP]
+    parts = [np.empty((sensor.azimuths, -(-sensor.bins // step)), np.float32) for step in steps]
     saturated = np.zeros(sensor.azimuths, np.bool_)
     for start in range(0, sensor.azimuths, _BLOCK):
         rows = slice(start, start + _BLOCK)
         noise_rows = None if noise is None else noise[rows]
         block, saturated[rows] = _block(grid[rows] + leak, noise_rows, sensor, artefacts, phase_rng)
-        for whole, part in zip(parts, block, strict=True):
-            np.multiply(part, gain, out=whole[rows])
+        for whole, values, step in zip(parts, block, steps, strict=True):
+            np.multiply(_power(values), gain[::step], out=whole[rows])
     return Received(power=parts[0], echo=parts[1], noise=parts[2], distortion=parts[3], saturated=saturated)
+
+
+@lru_cache(maxsize=8)
+def _written_gain(sensor: Sensor) -> NDArray[np.float32]:
+    """Return the written power (bins,) of a unit of |FFT|^2."""
+    ranges = (np.arange(sensor.bins) + BIN_CENTRE) * sensor.bin_m
+    return (written_units(sensor) * range_gain(sensor, ranges)).astype(np.float32)
 
 
 def _block(
@@ -104,28 +115,22 @@ def _block(
     sensor: Sensor,
     artefacts: Artefacts,
     phase_rng: np.random.Generator,
-) -> tuple[list[NDArray[np.float32]], NDArray[np.bool_]]:
-    """Return |FFT|^2 of whole, echoes, noise and distortion of some rows, and which rows are clipped."""
-    noiseless = np.zeros((len(grid), sensor.bins), np.float32)
+) -> tuple[list[NDArray[np.complex64]], NDArray[np.bool_]]:
+    """Return the spectra of some rows (whole; echoes, noise, distortion in steps) and which are clipped."""
+    silence = np.zeros((len(grid), -(-sensor.bins // PART_STEP)), np.complex64)
     if artefacts.linear and noise is None:
-        echo = _power(profile(grid, sensor))
-        return [echo, echo, noiseless, noiseless], np.zeros(len(grid), np.bool_)
+        echo = profile(grid, sensor)
+        return [echo, echo[:, ::PART_STEP], silence, silence], np.zeros(len(grid), np.bool_)
     clean = beat(grid, sensor)
-    silence = np.zeros(noiseless.shape, np.complex64)
-    noise_spectrum = silence if noise is None else spectrum(noise, sensor)
-    clean_spectrum = spectrum(clean, sensor)
-    if artefacts.linear:
-        whole = clean_spectrum + noise_spectrum
-        return [_power(whole), _power(clean_spectrum), _power(noise_spectrum), noiseless], np.zeros(
-            len(grid), np.bool_
-        )
     signal = noisy_beat(grid, sensor, rng=phase_rng) if artefacts.phase_noise else clean
     if noise is not None:
         signal = signal + noise
     converted, saturated = convert(signal, sensor, artefacts)
     whole = spectrum(converted, sensor)
-    distortion = whole - clean_spectrum - noise_spectrum
-    return [_power(each) for each in (whole, clean_spectrum, noise_spectrum, distortion)], saturated
+    clean_spectrum = spectrum(clean, sensor, step=PART_STEP)
+    noise_spectrum = silence if noise is None else spectrum(noise, sensor, step=PART_STEP)
+    distortion = silence if artefacts.linear else whole[:, ::PART_STEP] - clean_spectrum - noise_spectrum
+    return [whole, clean_spectrum, noise_spectrum, distortion], saturated
 
 
 def _power(values: NDArray[np.complex64]) -> NDArray[np.float32]:

@@ -17,12 +17,10 @@ from echoscape.sim.echoes import Echoes
 from echoscape.sim.link import range_gain, units_per_watt, window, written_units
 from echoscape.sim.motion import MoverStates
 from echoscape.sim.polar_scan import CellTruth, Component, MoverBoxes
-from echoscape.sim.receiver import Received, leakage_grid
+from echoscape.sim.receiver import PART_STEP, Received, leakage_grid
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.waveform import BIN_CENTRE, beat, grid_place, spectrum
 
-_STEP = 2
-"""Bins in which echoes are told apart for the truth; the point spread is some 8 bins wide."""
 _KINDS = (Component.DIRECT, Component.GHOST, Component.SIDELOBE)
 
 EXPLAINED = 0.1
@@ -48,7 +46,7 @@ def mover_boxes(states: MoverStates) -> MoverBoxes:
 
 def _spread_shape(sensor: Sensor) -> NDArray[np.float32]:
     """Return the point-spread power at whole steps from its peak (K + 1,), down to -20 dB."""
-    offsets = np.arange(32) * _STEP
+    offsets = np.arange(32) * PART_STEP
     times = np.arange(sensor.samples) - sensor.samples // 2
     tones = np.cos(2 * np.pi * offsets[:, None] * times / sensor.fft_size)
     power = (tones @ window(sensor) / window(sensor).sum()) ** 2
@@ -62,36 +60,36 @@ class Labeller:
         self._sensor = sensor
         self._classes = instance_class
         self._shape = _spread_shape(sensor)
-        self._steps = -(-sensor.bins // _STEP)
-        ranges = (np.arange(sensor.bins) + BIN_CENTRE) * sensor.bin_m
+        self._steps = -(-sensor.bins // PART_STEP)
+        ranges = (np.arange(self._steps) * PART_STEP + BIN_CENTRE) * sensor.bin_m
         self._unit_gain = (units_per_watt(sensor) * range_gain(sensor, ranges)).astype(np.float32)
-        leak = np.abs(spectrum(beat(leakage_grid(sensor), sensor), sensor)) ** 2
+        leak = np.abs(spectrum(beat(leakage_grid(sensor), sensor), sensor, step=PART_STEP)) ** 2
         self._leakage = (leak * (written_units(sensor) * range_gain(sensor, ranges))).astype(np.float32)
 
     def label(self, echoes: Echoes, received: Received, *, leakage: bool = True) -> CellTruth:
-        """Return the truth of every cell of a scan."""
+        """Return the truth of every cell of a scan; pairs of bins share what echoes they hold."""
         component = self._largest(received)
         cells = np.flatnonzero(component == Component.DIRECT)
         echo = received.echo.ravel()[cells]
-        bins = cells % self._sensor.bins
+        step = cells % self._steps
         power, kind, source = self._strongest(echoes, cells)
-        explained = power * self._unit_gain[bins] >= EXPLAINED * echo
+        explained = power * self._unit_gain[step] >= EXPLAINED * echo
         kind = np.where(explained, kind, np.uint8(Component.SIDELOBE))
         if leakage:
-            leaks = self._leakage[0, bins] * 2 >= echo
+            leaks = self._leakage[0, step] * 2 >= echo
             kind = np.where(leaks, np.uint8(Component.LEAKAGE), kind)
             explained &= ~leaks
         component.ravel()[cells] = kind
-        return self._filled(echoes, component, cells[explained], source[explained])
+        named = self._filled(echoes, component, cells[explained], source[explained])
+        # What the quantiser cannot tell from nothing is noise, whatever it came from.
+        return _by_bin(named, heard=received.power >= 0.5)
 
     def _largest(self, received: Received) -> NDArray[np.uint8]:
         """Return NOISE, DIRECT (any echo) or SPOKE by the largest of a cell's parts."""
-        component = np.full(received.power.shape, Component.NOISE, np.uint8)
+        component = np.full(received.echo.shape, Component.NOISE, np.uint8)
         echo = (received.echo > received.noise) & (received.echo >= received.distortion)
         component[echo] = Component.DIRECT
         component[(received.distortion > received.noise) & ~echo] = Component.SPOKE
-        # What the quantiser cannot tell from nothing is noise, whatever it came from.
-        component[received.power < 0.5] = Component.NOISE
         return component
 
     def _strongest(
@@ -108,7 +106,7 @@ class Labeller:
             count = len(cells)
             return np.zeros(count, np.float32), np.zeros(count, np.uint8), np.zeros(count, np.uint32)
         sensor, kinds = self._sensor, len(_KINDS)
-        place = ((grid_place(echoes.range_m, sensor) + 0.5) * (1 / _STEP)).astype(np.int32)
+        place = ((grid_place(echoes.range_m, sensor) + 0.5) * (1 / PART_STEP)).astype(np.int32)
         np.clip(place, 0, self._steps - 1, out=place)
         ghost = (echoes.returns.bounces > 1).astype(np.int32)[echoes.source]
         kind = np.where(echoes.sidelobe, np.int32(2), ghost)
@@ -121,8 +119,8 @@ class Labeller:
         best = dr.zeros(mi.UInt64, size)
         index = mi.UInt32(number.astype(np.uint32))
         dr.scatter_reduce(dr.ReduceOp.Max, best, key | mi.UInt64(mi.UInt32(echoes.source)), index)
-        row, column = np.divmod(cells.astype(np.uint32), np.uint32(sensor.bins))
-        return self._spread(best, mi.Float(total), mi.UInt32(row), mi.UInt32(column // np.uint32(_STEP)))
+        row, step = np.divmod(cells.astype(np.uint32), np.uint32(self._steps))
+        return self._spread(best, mi.Float(total), mi.UInt32(row), mi.UInt32(step))
 
     def _spread(
         self, best: "mi.UInt64", total: "mi.Float", row: "mi.UInt32", step: "mi.UInt32"
@@ -181,3 +179,18 @@ class Labeller:
             bounces=bounces.reshape(shape),
             moving=moving.reshape(shape),
         )
+
+
+def _by_bin(steps: CellTruth, *, heard: NDArray[np.bool_]) -> CellTruth:
+    """Return the truth of every bin from that of steps of PART_STEP bins, blank where nothing is `heard`."""
+
+    def widened(values: NDArray) -> NDArray:
+        return np.repeat(values, PART_STEP, axis=1)[:, : heard.shape[1]] * heard
+
+    return CellTruth(
+        component=widened(steps.component),
+        instance=widened(steps.instance),
+        class_id=widened(steps.class_id),
+        bounces=widened(steps.bounces),
+        moving=widened(steps.moving),
+    )

@@ -11,7 +11,7 @@ from echoscape.sim.echoes import point_echoes
 from echoscape.sim.link import full_scale_amplitude, link_w_m2, range_gain, units_per_watt
 from echoscape.sim.phase_noise import phase_noise, with_phase
 from echoscape.sim.quantiser import codes
-from echoscape.sim.receiver import Received, convert, receive
+from echoscape.sim.receiver import PART_STEP, Received, convert, receive
 from echoscape.sim.waveform import beat, echo_grid, grid_place, sample_times, spectrum
 
 FLAT = replace(CTS350X, range_gain_db=((0.0, 0.0), (163.0, 0.0)))
@@ -158,7 +158,7 @@ def test_parts_add_up_in_amplitude() -> None:
         point_echoes(row=np.zeros(1), range_m=np.array([50.0]), amplitude=np.array([1e-7]), azimuths=1),
         sensor,
     )
-    clean = spectrum(beat(grid, sensor), sensor)
+    clean = spectrum(beat(grid, sensor), sensor, step=PART_STEP)
     found = receive(
         grid,
         sensor,
@@ -171,4 +171,4 @@ def test_parts_add_up_in_amplitude() -> None:
     assert np.ptp(echo_units) < 1e-3 * echo_units.max()
     # |a + b|^2 lies between (|a| - |b|)^2 and (|a| + |b|)^2.
     high = (np.sqrt(found.echo) + np.sqrt(found.noise)) ** 2
-    assert (found.power <= high * (1 + 1e-4) + 1e-4).all()
+    assert (found.power[:, ::PART_STEP] <= high * (1 + 1e-4) + 1e-4).all()
