@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from echoscape.cli.parsing import parsed
 from echoscape.sim.recipe import Recipe
 
 
@@ -38,7 +40,7 @@ def main(arguments: Sequence[str]) -> int:
     from echoscape.sim.whole_files import DatasetError
 
     try:
-        options = tyro.cli(Options, prog="echoscape simulate", args=list(arguments))
+        options = parsed(Options, prog="echoscape simulate", arguments=arguments)
         _check(options)
     except (DatasetError, ValueError) as error:
         return _refused(str(error), 2)
@@ -58,6 +60,7 @@ def _simulate(options: Options) -> int:
     from echoscape.sim.dataset import write_dataset
     from echoscape.sim.whole_files import DatasetError
 
+    import_module("echoscape.sim.backend")  # a machine without what it needs is told before anything begins
     console, start = Console(stderr=True), time.monotonic()
     try:
         with _Stages(console) as stages:
