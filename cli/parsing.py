@@ -13,7 +13,8 @@ import tyro
 Settings = TypeVar("Settings")
 
 _WIDE = {"COLUMNS": "4000"}
-_BOX = re.compile(r"^[│╭╰─╮╯ ]+|[│╭╰─╮╯ ]+$")
+_FRAME = re.compile(r"^[│╭╰─╮╯ ]+|[│╭╰─╮╯ ]+$")
+_RULE = re.compile(r"[│╭╰─╮╯ -]*")
 
 
 class ArgumentsError(ValueError):
@@ -43,8 +44,10 @@ def _first_sentence(box: str) -> str:
 
     What settings refuse themselves is named as the command line does: "sensor.bandwidth_hz must be ...".
     """
-    lines = [_BOX.sub("", line) for line in box.splitlines()[1:]]
-    ends = [number for number, line in enumerate(lines) if not line]
-    sentence = " ".join(lines[: ends[0]] if ends else lines)
+    lines = box.splitlines()[1:]
+    while lines and _RULE.fullmatch(lines[0]):
+        lines.pop(0)
+    ends = [number for number, line in enumerate(lines) if _RULE.fullmatch(line)]
+    sentence = " ".join(_FRAME.sub("", line) for line in (lines[: ends[0]] if ends else lines))
     sentence = re.sub(r"^Error parsing (?:recipe\.)?(\w+(?:\.\w+)*): (\w+ must )", r"\1.\2", sentence)
     return sentence.removeprefix("Error parsing ")
