@@ -67,11 +67,10 @@ def _geometry(mesh: Mesh, material: str) -> trimesh.Trimesh:
         metallicFactor=0.8 if material == "metal" else 0.0,
         roughnessFactor=0.2 if material == "glass" else 0.8,
     )
-    uv = np.zeros((len(mesh.vertices), 2))
     return trimesh.Trimesh(
         vertices=mesh.vertices,
         faces=mesh.faces.astype(np.int64),
-        visual=TextureVisuals(uv=uv, material=look),
+        visual=TextureVisuals(material=look),
         process=False,
     )
 
