@@ -166,7 +166,7 @@ def test_unknown_presets_are_refused_by_name() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("preset", sorted(PRESETS))
-@pytest.mark.parametrize("seed", range(20, 30))
+@pytest.mark.parametrize("seed", range(20, 24))
 def test_any_seed_builds_a_sound_town(preset: str, seed: int) -> None:
     built = build_town(preset, seed=seed)
     check_instances(built)
