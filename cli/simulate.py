@@ -44,6 +44,8 @@ def main(arguments: Sequence[str]) -> int:
         _check(options)
     except (DatasetError, ValueError) as error:
         return _refused(str(error), 2)
+    except OSError as error:
+        return _refused(f"OUT: {error.strerror}", 2)
     return _simulate(options)
 
 
@@ -88,7 +90,8 @@ def _simulate(options: Options) -> int:
     except CrewError as error:
         return _refused(f"{error}\nThe scans made so far are whole; add --resume to go on.", 1)
     except OSError as error:
-        return _refused(f"OUT {options.out}: {error}", 2)
+        whole = " The scans made so far are whole; add --resume to go on." if options.out.exists() else ""
+        return _refused(f"OUT {options.out}: {error}.{whole}", 1 if whole else 2)
     Console().print(_summary(options, seconds=time.monotonic() - start))
     return 0
 
@@ -144,6 +147,8 @@ def _summary(options: Options, *, seconds: float) -> Table:
     motion = read_odometry(out / "gt" / "radar_odometry.csv")
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table.add_column()
+    table.add_column(overflow="fold")
     for name, value in (
         ("folder", str(out)),
         ("world", f"{recipe.preset}, seed {recipe.seed}"),

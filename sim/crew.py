@@ -67,6 +67,12 @@ def make_scans(
         report(index + 1)
 
 
+def whole_scans(out: Path) -> set[int]:
+    """Return the time stamps of the scans in `out` that have both their picture and their truth."""
+    pictures, truths = ({path.stem for path in (out / name).iterdir()} for name in ("radar", "truth"))
+    return {int(stem) for stem in pictures & truths if stem.isdecimal()}
+
+
 class ScanMaker:
     """Makes scans of a recipe and writes them with their truth."""
 
@@ -97,7 +103,7 @@ class ScanMaker:
 
         stamp = EPOCH_US + round(self._simulator.turn(index).start_s * 1e6)
         picture = self._out / "radar" / f"{stamp}.png"
-        if picture.exists():
+        if stamp in whole_scans(self._out):
             return
         scan = self._simulator.scan(index)
         if scan.truth is None or int(scan.timestamp_us[0]) != stamp:

@@ -15,7 +15,7 @@ from echoscape.scenes.drive import plan_drive
 from echoscape.scenes.export import town_to_glb
 from echoscape.scenes.town import build_town
 from echoscape.scenes.traffic import plan_traffic
-from echoscape.sim.crew import Scenery, make_scans
+from echoscape.sim.crew import Scenery, make_scans, whole_scans
 from echoscape.sim.manifest import FILE_NAME, difference, manifest, manifest_text, read_manifest
 from echoscape.sim.oxford import OdometryRow, relative_pose, write_odometry, write_timestamps
 from echoscape.sim.recipe import Recipe
@@ -27,6 +27,7 @@ Progress = Callable[[str, int, int], None]
 """Called with a stage (town, traffic, scene, scans), how much of it is done, and how much there is to do."""
 
 FOLDERS = ("radar", "truth", "gt")
+SCENERY_FILES = ("scene.glb", "movers.csv", "tracks.csv")
 
 
 def write_dataset(
@@ -51,18 +52,19 @@ def write_dataset(
     """
     out, report = Path(out), progress or (lambda stage, done, total: None)
     check_arguments(out, workers=workers, threads=threads, resume=resume)
-    first_made = _make_folder(out)
+    made = _make_folder(out)
     try:
         _claim(out, recipe)
-        missing = recipe.scans - len(list((out / "radar").glob("*.png")))
-        scenery = _scenery(recipe, report) if missing else None
+        missing = recipe.scans - len(whole_scans(out))
+        lacking = missing or not all((out / name).exists() for name in SCENERY_FILES)
+        scenery = _scenery(recipe, report) if lacking else None
         if scenery is not None:
             _write_scenery(out, recipe, scenery, report)
     except BaseException:
         if not resume:
-            _unmake(out, first_made)
+            _unmake(out, made)
         raise
-    if scenery is not None:
+    if scenery is not None and missing:
         make_scans(
             out,
             recipe,
@@ -92,19 +94,22 @@ def check_arguments(out: Path, *, workers: int, threads: int | None, resume: boo
         raise DatasetError(f"OUT cannot be made: {place} cannot be written to")
 
 
-def _make_folder(out: Path) -> Path | None:
-    """Make `out` and return the outermost folder that had to be made for it, or None."""
+def _make_folder(out: Path) -> list[Path]:
+    """Make `out` and return the folders that had to be made for it, innermost first."""
     made = [folder for folder in (out, *out.absolute().parents) if not folder.exists()]
     out.mkdir(parents=True, exist_ok=True)
-    return made[-1] if made else None
+    return made
 
 
-def _unmake(out: Path, first_made: Path | None) -> None:
-    """Remove everything in `out`, which was empty, and the folders that were made for it."""
+def _unmake(out: Path, made: list[Path]) -> None:
+    """Empty `out`, which was empty, and remove the folders made for it that nobody else uses by now."""
     for path in out.iterdir():
         shutil.rmtree(path) if path.is_dir() else path.unlink()
-    if first_made is not None:
-        shutil.rmtree(first_made)
+    for folder in made:
+        try:
+            folder.rmdir()
+        except OSError:
+            return
 
 
 def _claim(out: Path, recipe: Recipe) -> None:
@@ -135,11 +140,15 @@ def _scenery(recipe: Recipe, report: Progress) -> Scenery:
 def _write_scenery(out: Path, recipe: Recipe, scenery: Scenery, report: Progress) -> None:
     """Write the town for viewers and the movers' tracks, unless a stopped run has."""
     report("scene", 0, 1)
-    if not (out / "tracks.csv").exists():
-        write_whole(out / "scene.glb", town_to_glb(scenery.town))
-        write_whole(out / "movers.csv", movers_csv(scenery.movers).encode())
-        times = np.arange(0.0, recipe.duration_s, 1 / recipe.sensor.rotation_hz)
-        write_whole(out / "tracks.csv", tracks_csv(scenery.drive.trajectory, scenery.movers, times).encode())
+    times = np.arange(0.0, recipe.duration_s, 1 / recipe.sensor.rotation_hz)
+    contents: dict[str, Callable[[], bytes]] = {
+        "scene.glb": lambda: town_to_glb(scenery.town),
+        "movers.csv": lambda: movers_csv(scenery.movers).encode(),
+        "tracks.csv": lambda: tracks_csv(scenery.drive.trajectory, scenery.movers, times).encode(),
+    }
+    for name in SCENERY_FILES:
+        if not (out / name).exists():
+            write_whole(out / name, contents[name]())
     report("scene", 1, 1)
 
 

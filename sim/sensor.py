@@ -105,7 +105,7 @@ class Sensor:
             )
         if not 8 <= self.samples <= self.fft_size // 4:
             raise ValueError(
-                f"bandwidth_hz of {self.bandwidth_hz:g} gives {self.samples} samples a sweep; "
+                f"bandwidth_hz of {self.bandwidth_hz:g} gives {float(self.samples):g} samples a sweep; "
                 f"between 8 and {self.fft_size // 4} are possible with bins of {self.bin_m} m"
             )
 

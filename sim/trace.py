@@ -63,10 +63,10 @@ class Tracer:
         self._density = mi.Float(chosen.density.astype(np.float32))
         one_way = np.interp(chosen.elevation_rad, antenna.elevation_grid_rad, antenna.elevation_one_way)
         self._gain = mi.Float(one_way.astype(np.float32))
-        row_azimuth = chosen.row * (2 * math.pi / sensor.azimuths)
-        offset = np.abs((chosen.azimuth_rad - row_azimuth + math.pi) % (2 * math.pi) - math.pi)
-        self._in_beam = (offset < math.radians(0.9)) & (np.abs(chosen.elevation_rad) < math.radians(2.5))
-        self._home = chosen.row
+        # Each ray looks for obstacles on behalf of the two rows that point nearest to it.
+        places = chosen.azimuth_rad * (sensor.azimuths / (2 * math.pi))
+        self._sides = [np.asarray(side(places), np.int64) % sensor.azimuths for side in (np.floor, np.ceil)]
+        self._in_beam = (elevation > math.radians(-6.0)) & (elevation < math.radians(4.0))
         world_elevation = np.linspace(-math.pi / 2, math.pi / 2, len(antenna.elevation_grid_rad))
         gain = np.interp(
             world_elevation - math.radians(sensor.mount_tilt_deg),
@@ -148,8 +148,11 @@ class Tracer:
     def _first_obstacle(self, hits: Hits) -> NDArray[np.float32]:
         """Return, by row, the distance of the nearest hit in the main beam that is no ground [m]."""
         counted = self._in_beam & hits.active.numpy() & self._obstacle[hits.instance.numpy()]
-        distance = np.where(counted, hits.distance.numpy(), np.inf)
-        return distance.reshape(self._sensor.azimuths, -1).min(axis=1).astype(np.float32)
+        distance = hits.distance.numpy()[counted].astype(np.float32)
+        first = np.full(self._sensor.azimuths, np.inf, np.float32)
+        for rows in self._sides:
+            np.minimum.at(first, rows[counted], distance)
+        return first
 
     def _loops(
         self, world: World, rays: Rays, hits: Hits, poses: RowPoses, *, depth: int

@@ -239,3 +239,30 @@ def test_town_has_the_same_bytes_from_one_and_two_workers(tmp_path: Path) -> Non
     write_dataset(tmp_path / "one", recipe)
     write_dataset(tmp_path / "two", recipe, workers=2)
     _assert_same_bytes(tmp_path / "one", tmp_path / "two")
+
+
+@pytest.mark.parametrize("lost", ["truth", "radar", "scene.glb", "tracks.csv"])
+def test_resume_makes_whatever_is_missing(made: Path, tmp_path: Path, lost: str) -> None:
+    out = tmp_path / "set"
+    write_dataset(out, RECIPE)
+    path = out / lost
+    (sorted(path.iterdir())[1] if path.is_dir() else path).unlink()
+    write_dataset(out, RECIPE, resume=True)
+    _assert_same_bytes(out, made)
+
+
+def test_failed_start_leaves_other_peoples_datasets_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    neighbour = tmp_path / "sets" / "other" / "finished.txt"
+
+    def build(preset: str, *, seed: int) -> None:
+        neighbour.parent.mkdir()
+        neighbour.write_text("a day's work")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(dataset, "build_town", build)
+    with pytest.raises(KeyboardInterrupt):
+        write_dataset(tmp_path / "sets" / "mine", RECIPE)
+    assert neighbour.read_text() == "a day's work"
+    assert not (tmp_path / "sets" / "mine").exists()
