@@ -156,7 +156,7 @@ class _Walk:
         streets = np.array([lane.kind == "street" for lane in self.network.lanes]) & self.network.endless
         weight = np.where(streets, self.network.lengths_m, 0.0)
         # Fast roads are where a drive is likely to be: the motorway rather than the road beside it.
-        weight = weight * np.array([lane.speed_limit_mps for lane in self.network.lanes]) ** 2
+        weight = weight * np.array([lane.speed_limit_mps for lane in self.network.lanes]) ** 3
         long = np.where(self.network.lengths_m >= _MIN_START_LANE_M, weight, 0.0)
         weight = long if long.any() else weight
         if not weight.any():

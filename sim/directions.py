@@ -48,13 +48,26 @@ def _elevation_density(antenna: Antenna) -> NDArray[np.float64]:
     return ((1 - WIDE_SHARE) * two_way / two_way.sum() + WIDE_SHARE * one_way / one_way.sum()) / step
 
 
-def _union_azimuth_density(antenna: Antenna, rays: int) -> NDArray[np.float64]:
-    """Return rays a radian of the union over rows on one row spacing, on the antenna's azimuth grid."""
+_OVERLAP_ROWS = 60
+"""Rows farther apart than this share no rays to speak of."""
+
+
+def _union_azimuth_density(
+    antenna: Antenna, rays: int, row: NDArray[np.uint32], offset: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return rays a radian of the union over rows, at `offset` (N,) [rad] from the middle of `row` (N,).
+
+    The first and the last row do not meet: a turn lies between them, and the car has moved on.
+    """
     grid, azimuths = antenna.azimuth_grid_rad, antenna.sensor.azimuths
     one_row = antenna.azimuth_two_way / np.trapezoid(antenna.azimuth_two_way, grid)
     spacing = 2 * math.pi / azimuths
-    offsets = (grid[:, None] + np.arange(azimuths) * spacing + math.pi) % (2 * math.pi) - math.pi
-    return rays * np.interp(offsets, grid, one_row).sum(axis=1)
+    total = np.zeros(len(row))
+    signed = row.astype(np.int64)
+    for step in range(-_OVERLAP_ROWS, _OVERLAP_ROWS + 1):
+        there = (signed - step >= 0) & (signed - step < azimuths)
+        total += there * np.interp(offset + step * spacing, grid, one_row, left=0.0, right=0.0)
+    return rays * total
 
 
 def draw_directions(antenna: Antenna, *, rays: int, rng: np.random.Generator) -> Directions:
@@ -75,7 +88,7 @@ def draw_directions(antenna: Antenna, *, rays: int, rng: np.random.Generator) ->
     offset = np.interp(u, _cumulative(antenna.azimuth_two_way), antenna.azimuth_grid_rad)
     elevation_density = _elevation_density(antenna)
     elevation = np.interp(v, _cumulative(elevation_density), antenna.elevation_grid_rad)
-    union = np.interp(offset, antenna.azimuth_grid_rad, _union_azimuth_density(antenna, rays))
+    union = _union_azimuth_density(antenna, rays, row, offset)
     by_elevation = np.interp(elevation, antenna.elevation_grid_rad, elevation_density)
     return Directions(
         row=row,

@@ -63,7 +63,7 @@ class Hearing:
         self._velocity = mi.Float(poses.velocity.astype(np.float32).ravel())
         self._yaw = mi.Float(((poses.yaw + math.pi) % (2 * math.pi) - math.pi).astype(np.float32))
         # The time between two rows enters only through the movers' own motion.
-        self._row_s = dr.opaque(mi.Float, self._sensor.row_s)
+        self._row_s = dr.opaque(mi.Float, poses.row_s)
 
     def _azimuth_gain(self, towards: "mi.Vector3f", row: "mi.UInt32") -> "mi.Float":
         """Return the two-way azimuth gain (peak about 1) of a row's beam towards directions (N)."""
@@ -106,18 +106,26 @@ class Hearing:
         return kept, self._spread(kept, middle, mi.UInt32(source), offset)
 
     def _middle_row(self, paths: ReturnPaths) -> "mi.Int32":
-        """Return the row whose beam points nearest to where the path leaves (its home row's pose will do)."""
+        """Return the row whose beam points nearest to where the path leaves, by its home row's pose.
+
+        Counted from the home row: below 0 or beyond the last row where the path leaves across the seam
+        between the scan's end and its start.
+        """
         position = dr.gather(mi.Vector3d, self._position, paths.row)
         towards = mi.Vector3f(paths.out - position)
         turns = (dr.gather(mi.Float, self._yaw, paths.row) - dr.atan2(towards.y, towards.x)) / (2 * math.pi)
-        return mi.Int32(dr.round((turns - dr.floor(turns)) * self._sensor.azimuths))
+        away = turns - mi.Float(paths.row) * (1 / self._sensor.azimuths)
+        return mi.Int32(paths.row) + mi.Int32(dr.round((away - dr.round(away)) * self._sensor.azimuths))
 
     def _spread(
         self, paths: ReturnPaths, middle: "mi.Int32", source: "mi.UInt32", offset: NDArray[np.int32]
     ) -> Heard:
         """Return the echoes of `paths[source]` in the rows `offset` (N,) away from the one pointing there."""
         azimuths = self._sensor.azimuths
-        row = mi.UInt32((dr.gather(mi.Int32, middle, source) + mi.Int32(offset) + azimuths) % azimuths)
+        place = dr.gather(mi.Int32, middle, source) + mi.Int32(offset)
+        row = mi.UInt32((place + azimuths) % azimuths)
+        # The rays of the scan's other end look into the same directions, so the main lobe ends at the seam.
+        whole = ((place >= 0) & (place < azimuths)) | (dr.abs(mi.Int32(offset)) > MAIN_ROWS)
         path = picked(paths, source)
         position = mi.Point3d(dr.gather(mi.Vector3d, self._position, row))
         out_m, out32 = _length_and_direction(path.out - position)
@@ -133,7 +141,7 @@ class Hearing:
         half += mi.Float64(path.drift * later)
         closing = dr.dot(dr.gather(mi.Vector3f, self._velocity, row), mean32) - path.drift
         apparent = half + mi.Float64(closing * self._shift_s)
-        audible = (power > self._floor_w) & (apparent > 0) & (apparent < self._sensor.range_m * 1.02)
+        audible = whole & (power > self._floor_w) & (apparent > 0) & (apparent < self._sensor.range_m * 1.02)
         real, imag = self._phased(half, dr.sqrt(power), path)
         results = [mi.Int32(row), apparent, real, imag, power, source, closing, mi.Int32(offset)]
         dr.eval(audible, *results)

@@ -54,12 +54,14 @@ def turns(sensor: Sensor, *, scans: int, rng: np.random.Generator) -> list[Turn]
 class RowPoses:
     """The radar at each row.
 
-    position (A, 3) [m], yaw (A,) [rad], velocity (A, 3) [m/s] of the antenna in the world, float64.
+    position (A, 3) [m], yaw (A,) [rad], velocity (A, 3) [m/s] of the antenna in the world, float64; row_s:
+    time from row to row, 0 where all rows stand for mid-scan [s].
     """
 
     position: NDArray[np.float64]
     yaw: NDArray[np.float64]
     velocity: NDArray[np.float64]
+    row_s: float
 
 
 def row_poses(track: Trajectory, turn: Turn, *, height_m: float, distortion: bool = True) -> RowPoses:
@@ -70,7 +72,10 @@ def row_poses(track: Trajectory, turn: Turn, *, height_m: float, distortion: boo
     times = turn.times_s if distortion else np.full(turn.azimuths, turn.middle_s)
     pose = track.pose(times)
     return RowPoses(
-        position=pose[:, :3] + [0.0, 0.0, height_m], yaw=pose[:, 3], velocity=track.velocity(times)[:, :3]
+        position=pose[:, :3] + [0.0, 0.0, height_m],
+        yaw=pose[:, 3],
+        velocity=track.velocity(times)[:, :3],
+        row_s=turn.row_s if distortion else 0.0,
     )
 
 

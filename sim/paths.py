@@ -17,7 +17,7 @@ import numpy as np
 from echoscape.sim.backend import dr, mi
 from echoscape.sim.intersection import Hits, turned
 from echoscape.sim.scattering import Surfaces
-from echoscape.sim.speckle import PATCH_M, patch_key, reflectivity, scatterer_offset
+from echoscape.sim.speckle import PATCH_M, patch_key, patch_step, reflectivity, scatterer_offset
 
 _SKIN_M = 1e-3
 """A ray goes on this far above the surface that it left."""
@@ -40,6 +40,8 @@ class Rays:
     number: "mi.UInt32"
     density: "mi.Float"
     gain: "mi.Float"
+    drift: "mi.Float"
+    moved: "mi.Bool"
     start: "mi.Point3d"
     heading: "mi.Vector3d"
 
@@ -141,10 +143,11 @@ class Scatterer:
         """
         if not self._speckle:
             return mi.Float64(0), mi.Float(1), mi.Float(0)
-        key = patch_key(hits.local, hits.owner, self._seed)
+        step = patch_step(mean_rays)
+        key = patch_key(hits.local, step, hits.owner, self._seed)
         real, imag = reflectivity(key)
-        scale = 1 / dr.sqrt(1 + mean_rays)
-        offset = turned(scatterer_offset(hits.local, key), hits.cosine, hits.sine)
+        scale = 1 / dr.sqrt(1 + mean_rays * dr.square(mi.Float(step)))
+        offset = turned(scatterer_offset(hits.local, step, key), hits.cosine, hits.sine)
         flat = offset - hits.normal * dr.dot(offset, hits.normal)
         return dr.dot(flat, rays.direction), real * scale, imag * scale
 
@@ -166,11 +169,11 @@ class Scatterer:
             power=dr.select(hits.active, received, 0),
             real=real,
             imag=imag,
-            drift=dr.dot(hits.velocity, mi.Vector3f(rays.direction)),
+            drift=rays.drift + dr.dot(hits.velocity, mi.Vector3f(rays.direction)),
             row=rays.row,
             material=hits.material,
             instance=hits.instance,
-            moving=hits.owner != 0,
+            moving=rays.moved | (hits.owner != 0),
             bounces=2 * depth - 1,
         )
 
@@ -203,11 +206,11 @@ class Scatterer:
             power=dr.select(active, received, 0),
             real=real,
             imag=imag,
-            drift=dr.dot(hits.velocity, away),
+            drift=rays.drift * 0.5 + dr.dot(hits.velocity, away),
             row=rays.row,
             material=hits.material,
             instance=hits.instance,
-            moving=hits.owner != 0,
+            moving=rays.moved | (hits.owner != 0),
             bounces=depth,
         )
 
@@ -215,15 +218,19 @@ class Scatterer:
         """Return the rays that go on from the hits as from mirrors."""
         _, power, share = self._reflected(rays, hits)
         onward = rays.direction - 2 * dr.dot(rays.direction, hits.normal) * hits.normal
+        direction = _unit(onward)
+        swept = dr.dot(hits.velocity, mi.Vector3f(rays.direction - direction))
         return Rays(
             origin=mi.Point3d(hits.place + hits.normal * _SKIN_M),
-            direction=_unit(onward),
+            direction=direction,
             travelled=rays.travelled + hits.distance,
             weight=dr.select(hits.active, rays.weight * power * share, 0),
             row=rays.row,
             number=rays.number,
             density=rays.density,
             gain=rays.gain,
+            drift=rays.drift + swept,
+            moved=rays.moved | (hits.owner != 0),
             start=rays.start,
             heading=rays.heading,
         )

@@ -11,8 +11,11 @@ import math
 from echoscape.sim.backend import dr, mi
 
 PATCH_M = 0.05
-"""Edge of a patch: below the range resolution, and small against the lengths over which speckle decorrelates
-(wavelength / 2 / beam width, some 0.1 m)."""
+"""Edge of the smallest patch."""
+PATCH_STEPS = (1, 2, 4)
+"""Patches grow by these factors where rays are few, so that rays do not leave their patch within the lengths
+over which speckle decorrelates (wavelength / 2 / beam width, some 0.1 m); the largest stay below the range
+resolution."""
 
 _ORIGIN = (0.0137, 0.0211, 0.0173)
 """Lattice offset [m] that keeps common planes (z = 0, kerb heights) away from the lattice's own."""
@@ -34,22 +37,35 @@ def _uniform(bits: "mi.UInt32") -> "mi.Float":
     return (mi.Float(bits >> 8) + 0.5) * (1.0 / 16777216.0)
 
 
-def patch_key(place: "mi.Point3d", owner: "mi.UInt32", seed: "mi.UInt32") -> "mi.UInt32":
+def patch_step(mean_rays: "mi.Float") -> "mi.UInt32":
+    """Return the least step (N,) whose patch expects a ray, from the rays of the smallest patch."""
+    return dr.select(
+        mean_rays >= 1,
+        mi.UInt32(PATCH_STEPS[0]),
+        dr.select(mean_rays >= 0.25, PATCH_STEPS[1], PATCH_STEPS[2]),
+    )
+
+
+def _cell(place: "mi.Float64", axis: int, edge_m: "mi.Float64") -> "mi.Float64":
+    return dr.floor((place + _ORIGIN[axis]) / edge_m)
+
+
+def patch_key(place: "mi.Point3d", step: "mi.UInt32", owner: "mi.UInt32", seed: "mi.UInt32") -> "mi.UInt32":
     """Return the hash (N,) of the patch that `place` [m] lies in; `owner` tells apart lattices that move."""
-    key = hash32(owner ^ seed)
+    key, edge_m = hash32(owner ^ seed ^ (step << 24)), mi.Float64(step) * PATCH_M
     for axis in range(3):
-        cell = mi.Int32(dr.floor((place[axis] + _ORIGIN[axis]) * (1.0 / PATCH_M)))
+        cell = mi.Int32(_cell(place[axis], axis, edge_m))
         key = hash32(key ^ dr.reinterpret_array(mi.UInt32, cell))
     return key
 
 
-def scatterer_offset(place: "mi.Point3d", key: "mi.UInt32") -> "mi.Vector3d":
+def scatterer_offset(place: "mi.Point3d", step: "mi.UInt32", key: "mi.UInt32") -> "mi.Vector3d":
     """Return the vector from `place` to its patch's scatterer [m], in the lattice's frame."""
-    offset, bits = mi.Vector3d(0), key
+    offset, bits, edge_m = mi.Vector3d(0), key, mi.Float64(step) * PATCH_M
     for axis in range(3):
         bits = hash32(bits + 0x9E3779B9)
-        cell = dr.floor((place[axis] + _ORIGIN[axis]) * (1.0 / PATCH_M))
-        offset[axis] = (cell + mi.Float64(_uniform(bits))) * PATCH_M - _ORIGIN[axis] - place[axis]
+        cell = _cell(place[axis], axis, edge_m)
+        offset[axis] = (cell + mi.Float64(_uniform(bits))) * edge_m - _ORIGIN[axis] - place[axis]
     return offset
 
 

@@ -134,6 +134,8 @@ class Tracer:
             number=dr.arange(mi.UInt32, dr.width(row)),
             density=self._density,
             gain=self._gain,
+            drift=dr.zeros(mi.Float, dr.width(row)),
+            moved=dr.zeros(mi.Bool, dr.width(row)),
             start=origin,
             heading=direction,
         )

@@ -82,7 +82,7 @@ class Labeller:
         component.ravel()[cells] = kind
         named = self._filled(echoes, component, cells[explained], source[explained])
         # What the quantiser cannot tell from nothing is noise, whatever it came from.
-        return _by_bin(named, heard=received.power >= 0.5)
+        return _by_bin(named, heard=received.power > 1.5)
 
     def _largest(self, received: Received) -> NDArray[np.uint8]:
         """Return NOISE, DIRECT (any echo) or SPOKE by the largest of a cell's parts."""
