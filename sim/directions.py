@@ -49,7 +49,7 @@ def _elevation_density(antenna: Antenna) -> NDArray[np.float64]:
 
 
 _OVERLAP_ROWS = 60
-"""Rows farther apart than this share no rays to speak of."""
+"""Rows whose beam lies farther from a ray than this have no part in its density to speak of."""
 
 
 def _union_azimuth_density(
@@ -63,10 +63,11 @@ def _union_azimuth_density(
     one_row = antenna.azimuth_two_way / np.trapezoid(antenna.azimuth_two_way, grid)
     spacing = 2 * math.pi / azimuths
     total = np.zeros(len(row))
-    signed = row.astype(np.int64)
+    nearest = row.astype(np.int64) + np.rint(offset / spacing).astype(np.int64)
+    aside = offset - (nearest - row) * spacing
     for step in range(-_OVERLAP_ROWS, _OVERLAP_ROWS + 1):
-        there = (signed - step >= 0) & (signed - step < azimuths)
-        total += there * np.interp(offset + step * spacing, grid, one_row, left=0.0, right=0.0)
+        there = (nearest + step >= 0) & (nearest + step < azimuths)
+        total += there * np.interp(aside - step * spacing, grid, one_row)
     return rays * total
 
 

@@ -124,8 +124,8 @@ class Hearing:
         azimuths = self._sensor.azimuths
         place = dr.gather(mi.Int32, middle, source) + mi.Int32(offset)
         row = mi.UInt32((place + azimuths) % azimuths)
-        # The rays of the scan's other end look into the same directions, so the main lobe ends at the seam.
-        whole = ((place >= 0) & (place < azimuths)) | (dr.abs(mi.Int32(offset)) > MAIN_ROWS)
+        # Rays were drawn for rows that end at the seam between the scan's end and its start.
+        whole = (place >= 0) & (place < azimuths)
         path = picked(paths, source)
         position = mi.Point3d(dr.gather(mi.Vector3d, self._position, row))
         out_m, out32 = _length_and_direction(path.out - position)

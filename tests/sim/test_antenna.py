@@ -82,3 +82,16 @@ def test_directions_are_the_seeds_own(antenna: Antenna, directions: Directions) 
 def test_refuses_ray_counts_without_strata(antenna: Antenna, rays: int) -> None:
     with pytest.raises(ValueError, match="rays must be a square number"):
         draw_directions(antenna, rays=rays, rng=np.random.default_rng(0))
+
+
+def test_no_ray_outweighs_the_others_within_the_turn(antenna: Antenna, directions: Directions) -> None:
+    # Away from the seam a ray's weight is the beam's peak over a density that is nearly even in azimuth.
+    spacing = 2 * math.pi / CTS350X.azimuths
+    offset = directions.azimuth_rad - directions.row * spacing
+    offset = (offset + math.pi) % (2 * math.pi) - math.pi
+    points_at = directions.row + offset / spacing
+    inner = (points_at > 10) & (points_at < 389)
+    gain = antenna.two_way_gain(np.zeros(inner.sum()), directions.elevation_rad[inner])
+    weight = gain / directions.density[inner]
+    assert inner.mean() > 0.9
+    assert weight.max() < 4 * np.median(weight)
