@@ -138,15 +138,17 @@ class Scatterer:
     ) -> "tuple[mi.Float64, mi.Float, mi.Float]":
         """Return how much farther along the ray the patch's scatterer lies [m], and its reflectivity.
 
-        Several rays that meet one patch add in phase: k rays where `mean_rays` are expected would give k^2
-        times the power of one, so the reflectivity falls by E[k^2] / E[k] = 1 + mean (Poisson).
+        Several rays that meet one patch add in phase: k rays where k' are expected give k^2 times the power
+        of one, so the reflectivity falls by E[k^2] / k' = k' + variance / k'. Rays are more even than random
+        ones: variance / k' is close to 1 / (1 + k' / 2), as a test counts on drawn sets.
         """
         if not self._speckle:
             return mi.Float64(0), mi.Float(1), mi.Float(0)
         step = patch_step(mean_rays)
         key = patch_key(hits.local, step, hits.owner, self._seed)
         real, imag = reflectivity(key)
-        scale = 1 / dr.sqrt(1 + mean_rays * dr.square(mi.Float(step)))
+        mean_rays *= dr.square(mi.Float(step))
+        scale = 1 / dr.sqrt(mean_rays + 1 / (1 + mean_rays / 2))
         offset = turned(scatterer_offset(hits.local, step, key), hits.cosine, hits.sine)
         flat = offset - hits.normal * dr.dot(offset, hits.normal)
         return dr.dot(flat, rays.direction), real * scale, imag * scale

@@ -95,3 +95,15 @@ def test_no_ray_outweighs_the_others_within_the_turn(antenna: Antenna, direction
     weight = gain / directions.density[inner]
     assert inner.mean() > 0.9
     assert weight.max() < 4 * np.median(weight)
+
+
+@pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), [(0.1, 0.1), (0.2, 0.2), (0.4, 0.2), (0.5, 0.5)])
+def test_counts_in_small_cells_vary_as_the_speckle_takes_them_to(
+    directions: Directions, azimuth_deg: float, elevation_deg: float
+) -> None:
+    edges = [np.arange(5, 355, azimuth_deg), np.arange(-1, 1, elevation_deg)]
+    angles = np.degrees(directions.azimuth_rad), np.degrees(directions.elevation_rad)
+    counts, _, _ = np.histogram2d(*angles, bins=edges)
+    mean = counts.mean()
+    variance = np.mean((counts - counts.mean(axis=0)) ** 2)
+    assert mean + variance / mean == pytest.approx(mean + 1 / (1 + mean / 2), rel=0.05)
