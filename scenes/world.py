@@ -5,13 +5,16 @@ frame has x forward, y left, z up and its origin on the ground below its centre.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.roads import RoadGraph
 from echoscape.scenes.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from echoscape.scenes.targets import PlacedTarget
 
 CLASSES: tuple[str, ...] = (
     "none",
@@ -92,7 +95,7 @@ class Town:
 
     `static` maps material name to mesh; `prototypes` and `placements` add what is instanced; `instance_class`
     (I,) uint8 gives the class id of every static instance id (row 0 is "none"). `bounds_m` is (x0, y0, x1,
-    y1).
+    y1); `targets` are the test targets among the static things.
     """
 
     preset: str
@@ -103,6 +106,7 @@ class Town:
     instance_class: NDArray[np.uint8]
     roads: RoadGraph
     bounds_m: tuple[float, float, float, float]
+    targets: "tuple[PlacedTarget, ...]" = ()
 
 
 @dataclass(frozen=True, kw_only=True)

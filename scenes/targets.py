@@ -1,0 +1,205 @@
+"""Test targets that a user places exactly: corner reflectors, plates, spheres, cylinders, walls, a box vehicle.
+
+A target's own frame has x along its boresight (what faces the radar), y left and z up. Most targets are
+*coherent*: smooth and small against the beam, so that their echo is a phase sum over their surface (`sim`
+makes it); walls and vehicles are ordinary surfaces. Either way they stand in the town: they hide what is
+behind them and mirror.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.scenes.materials import MATERIAL_NAMES
+from echoscape.scenes.world import CLASSES, Mesh, StaticMesh, Town
+
+_FACETS = 96
+"""Sides of the prism or the sphere that a ray meets; echoes come from the exact shape."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What a kind of target needs: names of its sizes, its class, and whether its echo is a phase sum."""
+
+    sizes: tuple[str, ...]
+    class_name: str
+    coherent: bool
+
+
+KINDS: dict[str, _Kind] = {
+    "point": _Kind((), "target", True),
+    "trihedral": _Kind(("edge",), "target", True),
+    "dihedral": _Kind(("width", "height"), "target", True),
+    "plate": _Kind(("width", "height"), "target", True),
+    "sphere": _Kind(("radius",), "target", True),
+    "cylinder": _Kind(("radius", "height"), "target", True),
+    "wall": _Kind(("length", "height", "thickness"), "wall", False),
+    "vehicle": _Kind(("length", "width", "height"), "car", False),
+}
+"""Kinds of targets and the sizes that each has, in metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """One test target.
+
+    kind: a key of `KINDS`; position_m: x, y, z in the world [m] of the reference point: the apex of a
+    trihedral, the middle of a dihedral's inner edge (vertical, `height` long, between plates `width` wide),
+    the middle of a plate, sphere or cylinder (upright), the foot of a wall's front face or of a vehicle's
+    middle; heading_rad: of the boresight, counter-clockwise from world x; elevation_rad: of the boresight
+    above the horizon (flat and corner targets); size_m: see `KINDS`; material: a name of
+    `scenes.materials`; rcs_m2: cross-section of a point target [m^2].
+    """
+
+    kind: str
+    position_m: tuple[float, float, float]
+    heading_rad: float = 0.0
+    elevation_rad: float = 0.0
+    size_m: tuple[float, ...] = ()
+    material: str = "metal"
+    rcs_m2: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no target, naming the field."""
+        if self.kind not in KINDS:
+            raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
+        if self.material not in MATERIAL_NAMES:
+            raise ValueError(f"material must be one of {', '.join(MATERIAL_NAMES)}, got {self.material!r}")
+        sizes = KINDS[self.kind].sizes
+        if len(self.size_m) != len(sizes):
+            wanted = f"({', '.join(sizes)})" if sizes else "empty"
+            raise ValueError(f"size_m of a {self.kind} must be {wanted} [m], got {self.size_m}")
+        if len(self.position_m) != 3:
+            raise ValueError(f"position_m must be x, y, z [m], got {self.position_m}")
+        numbers = (*self.position_m, self.heading_rad, self.elevation_rad, *self.size_m, self.rcs_m2)
+        if not all(math.isfinite(number) for number in numbers):
+            raise ValueError(f"position_m, heading_rad, elevation_rad, size_m, rcs_m2 must be finite: {self}")
+        for name, size in zip(sizes, self.size_m, strict=True):
+            if size <= 0:
+                raise ValueError(f"{name} of a {self.kind} must be above 0, got {size}")
+        if self.rcs_m2 <= 0:
+            raise ValueError(f"rcs_m2 must be above 0, got {self.rcs_m2}")
+        if self.elevation_rad and self.kind not in ("trihedral", "dihedral", "plate"):
+            raise ValueError(f"elevation_rad must be 0 for a {self.kind}, got {self.elevation_rad}")
+
+    @property
+    def coherent(self) -> bool:
+        """Whether its echo is a phase sum over its surface."""
+        return KINDS[self.kind].coherent
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """The target's frame in the world (3, 3): rows are boresight, left and up."""
+        cos_h, sin_h = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        cos_e, sin_e = math.cos(self.elevation_rad), math.sin(self.elevation_rad)
+        return np.array(
+            [
+                [cos_e * cos_h, cos_e * sin_h, sin_e],
+                [-sin_h, cos_h, 0.0],
+                [-sin_e * cos_h, -sin_e * sin_h, cos_e],
+            ]
+        )
+
+    @property
+    def faces(self) -> NDArray[np.float64]:
+        """The flat faces of a plate or a corner in the world: triangles (T, 3, 3) [m]; other kinds have none."""
+        local = _flat_faces(self.kind, self.size_m)
+        return local @ self.axes + np.array(self.position_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacedTarget:
+    """A target with the instance id that it has in its town."""
+
+    target: Target
+    instance: int
+
+
+def with_targets(town: Town, targets: Sequence[Target]) -> Town:
+    """Return the town with targets in it, each an instance of its own after those that are there."""
+    static = dict(town.static)
+    classes, placed = list(town.instance_class), list(town.targets)
+    for target in targets:
+        instance = len(classes)
+        classes.append(CLASSES.index(KINDS[target.kind].class_name))
+        placed.append(PlacedTarget(target=target, instance=instance))
+        mesh = _mesh(target)
+        if mesh is not None:
+            static[target.material] = _joined(static.get(target.material), mesh, instance)
+    return replace(
+        town,
+        static=dict(sorted(static.items())),
+        instance_class=np.array(classes, np.uint8),
+        targets=tuple(placed),
+    )
+
+
+def _joined(before: StaticMesh | None, mesh: Mesh, instance: int) -> StaticMesh:
+    ids = np.full(len(mesh.faces), instance, np.uint32)
+    if before is None:
+        return StaticMesh(vertices=mesh.vertices, faces=mesh.faces, instance=ids)
+    return StaticMesh(
+        vertices=np.concatenate([before.vertices, mesh.vertices]),
+        faces=np.concatenate([before.faces, mesh.faces + np.uint32(len(before.vertices))]),
+        instance=np.concatenate([before.instance, ids]),
+    )
+
+
+def _mesh(target: Target) -> Mesh | None:
+    """Return what rays meet of a target, in the world; None for a point."""
+    if target.kind == "point":
+        return None
+    if target.kind in ("plate", "dihedral", "trihedral"):
+        corners = target.faces.reshape(-1, 3)
+        faces = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
+        return Mesh(vertices=corners.astype(np.float32), faces=faces)
+    local = _solid(target.kind, target.size_m)
+    vertices = local.vertices.astype(np.float64) @ target.axes + np.array(target.position_m)
+    return Mesh(vertices=vertices.astype(np.float32), faces=local.faces)
+
+
+def _flat_faces(kind: str, size_m: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return triangles (T, 3, 3) in the target's frame, counter-clockwise seen from its boresight [m]."""
+    if kind == "plate":
+        y, z = size_m[0] / 2, size_m[1] / 2
+        return _halves([[0, -y, -z], [0, y, -z], [0, y, z], [0, -y, z]])
+    if kind == "dihedral":
+        # Plates of `width` at 45 degrees to the boresight, meeting in an upright edge.
+        w, z = size_m[0] / math.sqrt(2), size_m[1] / 2
+        left = _halves([[0, 0, -z], [w, w, -z], [w, w, z], [0, 0, z]])
+        right = _halves([[w, -w, -z], [0, 0, -z], [0, 0, z], [w, -w, z]])
+        return np.concatenate([left, right])
+    if kind == "trihedral":
+        # Three edges at equal angles to the boresight, one of them straight above it.
+        turns = math.pi / 2 + 2 * math.pi / 3 * np.arange(3)
+        edges = np.column_stack([np.ones(3), math.sqrt(2) * np.cos(turns), math.sqrt(2) * np.sin(turns)])
+        edges *= size_m[0] / math.sqrt(3)
+        apex = np.zeros(3)
+        return np.array([[apex, edges[i], edges[(i + 1) % 3]] for i in range(3)])
+    return np.zeros((0, 3, 3))
+
+
+def _halves(corners: list[list[float]]) -> NDArray[np.float64]:
+    a, b, c, d = np.array(corners, np.float64)
+    return np.array([[a, b, c], [a, c, d]])
+
+
+def _solid(kind: str, size_m: tuple[float, ...]) -> Mesh:
+    """Return a sphere, cylinder, wall or vehicle in the target's frame."""
+    import trimesh
+
+    if kind == "sphere":
+        solid = trimesh.creation.uv_sphere(radius=size_m[0], count=[_FACETS // 2, _FACETS])
+    elif kind == "cylinder":
+        solid = trimesh.creation.cylinder(radius=size_m[0], height=size_m[1], sections=_FACETS)
+    elif kind == "wall":
+        length, height, thickness = size_m
+        solid = trimesh.creation.box(extents=(thickness, length, height))
+        solid.apply_translation([-thickness / 2, 0.0, height / 2])
+    else:
+        solid = trimesh.creation.box(extents=size_m)
+        solid.apply_translation([0.0, 0.0, size_m[2] / 2])
+    return Mesh(vertices=np.asarray(solid.vertices, np.float32), faces=np.asarray(solid.faces, np.uint32))
