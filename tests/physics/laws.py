@@ -1,0 +1,156 @@
+"""The laws that the simulator is held to, as rows of docs/physics.md: recorded by tests, written by one.
+
+A test states a law with a number that it worked out apart from the simulator (`shared/physics.md` has the
+list); the page has what was expected, what came out, and how far apart they may be and why.
+"""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, Protocol
+
+PAGE = Path(__file__).parents[2] / "docs" / "physics.md"
+
+Section = Literal[
+    "Link and cross-sections",
+    "Antenna",
+    "Materials",
+    "Roughness",
+    "Speckle",
+    "FMCW",
+    "Receiver",
+    "Multipath",
+    "Motion",
+]
+SECTIONS: tuple[Section, ...] = (
+    "Link and cross-sections",
+    "Antenna",
+    "Materials",
+    "Roughness",
+    "Speckle",
+    "FMCW",
+    "Receiver",
+    "Multipath",
+    "Motion",
+)
+INTRO = """\
+# Physics
+
+What the simulator is held to. Each row is a law of radar: where it is from, the number that follows from it
+by hand, what the simulator makes, how far apart the two may be, and why. The tests in `tests/physics` work
+the expected numbers out apart from the code, fail when a row does not hold, and write this page:
+
+    pytest tests/physics --write-physics
+
+Unless a row says otherwise the sensor is the CTS350-X at 76.5 GHz (wavelength 3.919 mm).
+"""
+HEADER = """\
+| law | source | expected | simulated | tolerance | why this tolerance |
+|---|---|---|---|---|---|
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """A law, what it predicts, what was simulated, and how far apart they may be, all in `unit`."""
+
+    section: Section
+    name: str
+    source: str
+    expected: float
+    simulated: float
+    tolerance: float
+    unit: str
+    why: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether the simulator keeps the law."""
+        return abs(self.simulated - self.expected) <= self.tolerance
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The row's cells as the page has them."""
+        unit = f" {self.unit}" if self.unit else ""
+        numbers = [_rounded(value, self.tolerance) for value in (self.expected, self.simulated)]
+        tolerance = "exact" if self.tolerance == 0 else f"± {self.tolerance:.2g}{unit}"
+        cells = (self.name, self.source, *(number + unit for number in numbers), tolerance, self.why)
+        return tuple(cell.replace("|", r"\|") for cell in cells)
+
+    def __str__(self) -> str:
+        """Return the row as a test that fails says it."""
+        unit = f" {self.unit}" if self.unit else ""
+        return (
+            f"{self.name}: expected {self.expected:.6g} +- {self.tolerance:.3g}{unit} ({self.source}), "
+            f"simulated {self.simulated:.6g}{unit}"
+        )
+
+
+class LawRecorder(Protocol):
+    """What the fixture `law` is called as."""
+
+    def __call__(
+        self,
+        name: str,
+        *,
+        source: str,
+        expected: float,
+        simulated: float,
+        tolerance: float,
+        why: str,
+        unit: str = "",
+    ) -> None:
+        """Record the law and fail where it does not hold."""
+
+
+@dataclass
+class Laws:
+    """The laws that the tests of one run recorded, and whether those were all the tests."""
+
+    rows: list[Law] = field(default_factory=list)
+    complete: bool = True
+
+    def record(self, law: Law) -> None:
+        """Keep a row and fail where it does not hold."""
+        assert law.name not in {row.name for row in self.rows}, f"{law.name} is recorded twice"
+        self.rows.append(law)
+        assert law.holds, str(law)
+
+
+def page(rows: list[Law]) -> str:
+    """Return docs/physics.md: the laws by section, in the order in which they were recorded."""
+    parts = [INTRO]
+    for section in SECTIONS:
+        cells = [row.cells for row in rows if row.section == section]
+        if cells:
+            lines = "".join(f"| {' | '.join(row)} |\n" for row in cells)
+            parts.append(f"\n## {section}\n\n{HEADER}{lines}")
+    return "".join(parts)
+
+
+def stated(text: str) -> dict[str, tuple[str, ...]]:
+    """Return the cells of each row of the page, but for what was simulated, by law."""
+    lines = [line[2:-2].split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    return {cells[0]: _lasting(tuple(cells)) for cells in lines if cells[0] != "law"}
+
+
+def _lasting(cells: tuple[str, ...]) -> tuple[str, ...]:
+    """Drop the simulated number, whose last digit may differ from processor to processor."""
+    return cells[:3] + cells[4:]
+
+
+def lasting_cells(law: Law) -> tuple[str, ...]:
+    """Return what the page must say of a law whatever the processor."""
+    return _lasting(law.cells)
+
+
+def _rounded(value: float, tolerance: float) -> str:
+    """Return a number with a digit more than its tolerance has."""
+    if value == 0:
+        return "0"
+    if not 1e-3 <= abs(value) < 1e5:
+        return f"{value:.3g}"
+    if tolerance == 0:
+        return f"{value:g}"
+    text = f"{value:.{min(max(0, 1 - math.floor(math.log10(tolerance))), 6)}f}"
+    return text.lstrip("-") if float(text) == 0 else text
