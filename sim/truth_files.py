@@ -1,17 +1,15 @@
 """The truth of a scan as a NumPy archive that `numpy.load` opens, the same bytes for the same truth.
 
-Arrays are named after what they hold (docs/conventions.md lists them). Entries are dated 1980 and compressed
-at level 1: some 28 ms and half a megabyte a scan, where level 6 takes six times as long to save a third.
+Arrays are named after what they hold (docs/conventions.md lists them). They are compressed at level 1: some
+28 ms and half a megabyte a scan, where level 6 takes six times as long to save a third.
 """
 
-import io
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.sim.array_files import archive_bytes, read_archive
 from echoscape.sim.polar_scan import CellTruth, MoverBoxes, ScanTruth
 from echoscape.sim.whole_files import DatasetError, write_whole
 
@@ -41,14 +39,7 @@ def truth_arrays(truth: ScanTruth) -> dict[str, NDArray]:
 
 def truth_bytes(truth: ScanTruth) -> bytes:
     """Return a truth as the bytes of an .npz archive."""
-    archive = io.BytesIO()
-    with zipfile.ZipFile(archive, "w") as entries:
-        for name, array in truth_arrays(truth).items():
-            entry = io.BytesIO()
-            np.lib.format.write_array(entry, np.ascontiguousarray(array).reshape(array.shape), version=(1, 0))
-            info = zipfile.ZipInfo(f"{name}.npy")  # dated 1980-01-01 unless told otherwise
-            entries.writestr(info, entry.getbuffer(), zipfile.ZIP_DEFLATED, _LEVEL)
-    return archive.getvalue()
+    return archive_bytes(truth_arrays(truth), level=_LEVEL)
 
 
 def write_truth(path: Path, truth: ScanTruth) -> None:
@@ -85,15 +76,4 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray]:
     Raises:
         DatasetError: the file is absent, damaged, or lacks an array; the message names it.
     """
-    if not path.is_file():
-        raise DatasetError(f"{path}: no such truth file")
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            lacking = [name for name in names if name not in archive]
-            if lacking:
-                raise DatasetError(f"{path}: a truth file without {', '.join(lacking)}")
-            return {name: archive[name] for name in names}
-    except DatasetError:
-        raise
-    except (OSError, ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
-        raise DatasetError(f"{path}: not a whole truth file ({error})") from error
+    return read_archive(path, names, kind="truth file")
