@@ -10,21 +10,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
-from echoscape.sim.decibels import power_ratio
+from echoscape.sim.pattern import azimuth_pattern, elevation_pattern
 from echoscape.sim.sensor import Sensor
 
 AZIMUTH_STEPS = 8192
 ELEVATION_STEPS = 4096
-
-
-def _two_way_azimuth(sensor: Sensor, offset_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the two-way power pattern of the antenna at rest; the interpolation is monotone in dB."""
-    offset_deg, gain_db = np.array(sensor.azimuth_pattern_db).T
-    curve = PchipInterpolator(np.append(-offset_deg[1], offset_deg), np.append(gain_db[1], gain_db))
-    folded = np.abs((offset_rad + math.pi) % (2 * math.pi) - math.pi)
-    return power_ratio(curve(np.minimum(np.degrees(folded), offset_deg[-1])))
 
 
 @dataclass(frozen=True)
@@ -53,7 +44,8 @@ class Antenna:
         """Two-way azimuth power pattern on `azimuth_grid_rad`, the beam's turn within a sweep included."""
         turn = (np.arange(32) + 0.5) / 32 - 0.5
         offsets = self.azimuth_grid_rad[:, None] + turn * self.turn_in_sweep_rad
-        return np.sqrt(_two_way_azimuth(self.sensor, offsets)).mean(axis=1) ** 2
+        at_rest = azimuth_pattern(self.sensor.azimuth_pattern_db, offsets)
+        return np.sqrt(at_rest).mean(axis=1) ** 2
 
     @cached_property
     def elevation_grid_rad(self) -> NDArray[np.float64]:
@@ -63,10 +55,7 @@ class Antenna:
     @cached_property
     def elevation_one_way(self) -> NDArray[np.float64]:
         """One-way elevation power pattern on `elevation_grid_rad`."""
-        elevation_deg, gain_db = np.array(self.sensor.elevation_pattern_db).T
-        grid_deg = np.degrees(self.elevation_grid_rad)
-        curve = PchipInterpolator(elevation_deg, gain_db)
-        return power_ratio(curve(np.clip(grid_deg, elevation_deg[0], elevation_deg[-1])))
+        return elevation_pattern(self.sensor.elevation_pattern_db, self.elevation_grid_rad)
 
     def two_way_gain(self, azimuth_rad: NDArray, elevation_rad: NDArray) -> NDArray[np.float64]:
         """Return G0^2 g_az^2 g_el^2 towards an offset and an elevation from the beam's middle [rad]."""

@@ -9,9 +9,12 @@ from itertools import pairwise
 from typing import Literal
 
 from echoscape.sim.constants import BOLTZMANN, SPEED_OF_LIGHT, STANDARD_TEMPERATURE
+from echoscape.sim.pattern import directivity_db
 
 Table = tuple[tuple[float, float], ...]
 """A function of one variable as (x, y) rows with increasing x."""
+_GAIN_SLACK_DB = 0.5
+"""How far a stated gain may pass the directivity of its patterns: tables are read off to this."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,9 +59,9 @@ class Sensor:
     tx_power_w: float
     """Transmitted power [W]."""
     antenna_gain_db: float
-    """One-way peak gain of the antenna [dBi]."""
+    """One-way peak gain [dBi]: the directivity of its patterns, or less where losses are counted in it."""
     system_loss_db: float
-    """Two-way losses of feed, radome and mixer [dB]."""
+    """Two-way losses of dish, feed, radome and mixer that the gain does not hold [dB]."""
     noise_figure_db: float
     """Noise figure of the receiver [dB]."""
     noise_units: float
@@ -91,6 +94,12 @@ class Sensor:
         for name in _POSITIVE:
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} must be above 0, got {getattr(self, name)}")
+        directivity = directivity_db(self.azimuth_pattern_db, self.elevation_pattern_db)
+        if self.antenna_gain_db > directivity + _GAIN_SLACK_DB:
+            raise ValueError(
+                f"antenna_gain_db must be at most {directivity:.2f}, which azimuth_pattern_db and "
+                f"elevation_pattern_db integrate to, got {self.antenna_gain_db}: more power than is fed in"
+            )
         if self.rotation_jitter_s < 0:
             raise ValueError(f"rotation_jitter_s must be 0 or more, got {self.rotation_jitter_s}")
         if self.encoder_per_turn < self.azimuths:
