@@ -46,7 +46,8 @@ class Hearing:
         self._floor_w = floor_w
         self._table = mi.Float(antenna.azimuth_two_way.astype(np.float32))
         self._steps = len(antenna.azimuth_two_way) - 1
-        self._shift_s = sensor.doppler_sign * sensor.doppler_beta_s if doppler else 0.0
+        self._shift_s = sensor.doppler_shift_s if doppler else np.zeros(sensor.azimuths)
+        self._shift_table = mi.Float(self._shift_s.astype(np.float32))
         self._reach_rows = self._rows_by_level(antenna)
 
     def _rows_by_level(self, antenna: Antenna) -> NDArray[np.int64]:
@@ -140,7 +141,7 @@ class Hearing:
         later = (mi.Float(row) - mi.Float(path.row)) * self._row_s
         half += mi.Float64(path.drift * later)
         closing = dr.dot(dr.gather(mi.Vector3f, self._velocity, row), mean32) - path.drift
-        apparent = half + mi.Float64(closing * self._shift_s)
+        apparent = half + mi.Float64(closing * self._range_shift(row))
         audible = whole & (power > self._floor_w) & (apparent > 0) & (apparent < self._sensor.range_m * 1.02)
         real, imag = self._phased(half, dr.sqrt(power), path)
         results = [mi.Int32(row), apparent, real, imag, power, source, closing, mi.Int32(offset)]
@@ -160,6 +161,12 @@ class Hearing:
             sidelobe=np.abs(offset) > MAIN_ROWS,
             closing_mps=speed,
         )
+
+    def _range_shift(self, row: "mi.UInt32") -> "mi.Float | float":
+        """Return the range shift by closing speed [s] of each row."""
+        if (self._shift_s == self._shift_s[0]).all():
+            return float(self._shift_s[0])
+        return dr.gather(mi.Float, self._shift_table, row)
 
     def _phased(self, half: "mi.Float64", size: "mi.Float", path: ReturnPaths) -> "tuple[mi.Float, mi.Float]":
         """Return real and imaginary part of an amplitude after the carrier's phase -4 pi r / lambda."""

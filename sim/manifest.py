@@ -72,6 +72,8 @@ def sensor_of(content: dict[str, Any]) -> Sensor:
     """
     try:
         settings = dict(content["recipe"]["sensor"])
+        if "doppler_sign" in settings:  # until chirps could alternate
+            settings["chirps"] = {-1: "rising", 1: "falling"}[settings.pop("doppler_sign")]
         return Sensor(
             **{each.name: _as_tuples(settings.pop(each.name)) for each in fields(Sensor)}, **settings
         )

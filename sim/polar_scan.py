@@ -75,9 +75,10 @@ class ScanTruth:
 class PolarScan:
     """A scan as the sensor writes it, with its truth where it is known.
 
-    codes (azimuths, bins) uint8: half decibels; timestamp_us (azimuths,) int64; encoder (azimuths,) uint16;
-    valid (azimuths,) bool; bin_m: range step [m]. Row i looks along azimuth 2 pi i / azimuths, clockwise from
-    straight ahead; bin k is centred at (k + 1/2) bin_m.
+    codes (azimuths, bins) uint8: half decibels; timestamp_us (azimuths,) int64; encoder (azimuths,) uint16,
+    `encoder_per_turn` counts a turn; valid (azimuths,) bool; bin_m: range step [m]; rising (azimuths,) bool:
+    whether each row's sweep rises, None unless they alternate. Row i looks along azimuth 2 pi i / azimuths,
+    clockwise from straight ahead; bin k is centred at (k + 1/2) bin_m.
     """
 
     codes: NDArray[np.uint8]
@@ -86,3 +87,14 @@ class PolarScan:
     valid: NDArray[np.bool_]
     bin_m: float
     truth: ScanTruth | None = None
+    rising: NDArray[np.bool_] | None = None
+    encoder_per_turn: int = 5600
+
+    @property
+    def azimuth_rad(self) -> NDArray[np.float64]:
+        """Azimuth of each row (azimuths,) as its encoder tells it, which is what public loaders use [rad].
+
+        It differs from 2 pi i / azimuths by a constant, the encoder's first count: 13 is the end of the 14
+        counts that a row takes, 7 their middle. Where a real scan lacks rows it jumps.
+        """
+        return self.encoder * (2 * np.pi / self.encoder_per_turn)

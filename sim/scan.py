@@ -127,6 +127,8 @@ class Simulator:
             valid=np.ones(sensor.azimuths, np.bool_),
             bin_m=sensor.bin_m,
             truth=truth,
+            rising=sensor.rising if sensor.chirps == "alternating" else None,
+            encoder_per_turn=sensor.encoder_per_turn,
         )
 
     def _states(self, turn: Turn) -> MoverStates:

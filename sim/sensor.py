@@ -8,6 +8,9 @@ from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from echoscape.sim.constants import BOLTZMANN, SPEED_OF_LIGHT, STANDARD_TEMPERATURE
 from echoscape.sim.pattern import directivity_db
 
@@ -19,7 +22,7 @@ _GAIN_SLACK_DB = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """A spinning FMCW radar with a sawtooth sweep in every azimuth row.
+    """A spinning FMCW radar with one linear sweep in every azimuth row.
 
     Angles in tables are degrees and gains dB, as data sheets have them; everything else is SI.
     """
@@ -46,8 +49,9 @@ class Sensor:
     """Swept bandwidth within the sampled part of the sweep [Hz]."""
     doppler_beta_s: float
     """Range shift by radial speed of an approaching target, carrier x sweep time / bandwidth [s]."""
-    doppler_sign: int
-    """-1: an approaching target appears nearer (rising sweep); +1: farther (falling sweep)."""
+    chirps: Literal["rising", "falling", "alternating"]
+    """Direction of the sweeps; with rising ones an approaching target appears nearer, with falling ones
+    farther; alternating ones begin a scan with a falling sweep."""
     fft_size: int
     """Length of the zero-padded range FFT, a power of two."""
     window: Literal["hann", "hamming", "blackman", "boxcar"]
@@ -106,8 +110,9 @@ class Sensor:
             raise ValueError(
                 f"encoder_per_turn must be azimuths ({self.azimuths}) or more, got {self.encoder_per_turn}"
             )
-        if self.doppler_sign not in (-1, 1):
-            raise ValueError(f"doppler_sign must be -1 or 1, got {self.doppler_sign}")
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise ValueError(f"{name} must be one of {', '.join(choices)}, got {getattr(self, name)!r}")
         if self.fft_size & (self.fft_size - 1) or self.fft_size < 2 * self.bins:
             raise ValueError(
                 f"fft_size must be a power of two of {2 * self.bins} or more, got {self.fft_size}"
@@ -117,6 +122,18 @@ class Sensor:
                 f"bandwidth_hz of {self.bandwidth_hz:g} gives {float(self.samples):g} samples a sweep; "
                 f"between 8 and {self.fft_size // 4} are possible with bins of {self.bin_m} m"
             )
+
+    @property
+    def rising(self) -> NDArray[np.bool_]:
+        """Whether each row's sweep rises (azimuths,)."""
+        if self.chirps == "alternating":
+            return np.arange(self.azimuths) % 2 == 1
+        return np.full(self.azimuths, self.chirps == "rising")
+
+    @property
+    def doppler_shift_s(self) -> NDArray[np.float64]:
+        """Range shift by closing speed of each row (azimuths,) [s]: below 0 where the sweep rises."""
+        return np.where(self.rising, -self.doppler_beta_s, self.doppler_beta_s)
 
     @property
     def wavelength_m(self) -> float:
@@ -180,6 +197,11 @@ _POSITIVE = (
     "phase_noise_corner_hz",
     "mount_height_m",
 )
+
+_CHOICES = {
+    "chirps": ("rising", "falling", "alternating"),
+    "window": ("hann", "hamming", "blackman", "boxcar"),
+}
 
 
 def _check_table(name: str, rows: tuple) -> None:

@@ -68,6 +68,21 @@ def test_placed_things_stand_where_their_placement_says() -> None:
     assert (echoes.instance == 1).all()
 
 
+def test_alternating_sweeps_shift_neighbouring_rows_in_opposite_directions() -> None:
+    # At 12 m/s towards a plate, beta v = 0.588 s m/s: nearer where the sweep rises (odd rows), else farther.
+    town = world(("soil", "target", plate([40.0, 0, HEIGHT_M], [-1, 0], 3.0, 0.5)))
+    sensor = replace(STEADY, chirps="alternating")
+    echoes, still = (
+        traced(town, straight([0, 0], [12.0, 0]), sensor=sensor, doppler=on) for on in (True, False)
+    )
+    for row in (0, 1, 2, 3, 397, 398, 399):
+        there, here = (
+            np.average(each.range_m[each.row == row], weights=each.mean_power[each.row == row])
+            for each in (still, echoes)
+        )
+        assert here - there == pytest.approx(-0.588 if row % 2 else 0.588, abs=0.01)
+
+
 @pytest.mark.parametrize(("speed", "shift"), [(12.0, 0.588), (-12.0, -0.588)])
 def test_receding_mover_shifts_outwards_and_approaching_one_inwards(speed: float, shift: float) -> None:
     # beta v = 0.049 s x 12 m/s; a rising sweep shows an approaching thing nearer.

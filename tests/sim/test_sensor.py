@@ -27,7 +27,8 @@ def test_derived_quantities_follow_from_each_other() -> None:
         ("antenna_gain_db", 35.5),  # the patterns integrate to 34.67
         ("tx_power_w", math.inf),
         ("fft_size", 6000),
-        ("doppler_sign", 0),
+        ("chirps", "sideways"),
+        ("window", "square"),
         ("azimuths", 0),
         ("leakage_dbm", ((1.0, -90.0),)),
         ("range_gain_db", ((1.0, 0.0), (0.5, 0.0))),
