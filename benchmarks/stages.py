@@ -1,4 +1,4 @@
-"""Where a scan's time goes, and the fast ways beside the plain ones that they are tested against.
+"""Where a scan's time goes, and the fast way beside the plain one that it is tested against.
 
     python -m benchmarks.stages [--scans 12]
 
@@ -30,7 +30,7 @@ from echoscape.sim.receiver import receive
 from echoscape.sim.scan import Simulator
 from echoscape.sim.truth import Labeller
 from echoscape.sim.truth_files import write_truth
-from echoscape.sim.waveform import beat, beat_reference, echo_grid, profile, spectrum
+from echoscape.sim.waveform import beat, beat_reference, echo_grid, spectrum
 
 REFERENCE_ROWS = 4
 
@@ -99,7 +99,7 @@ def write(scan: PolarScan, into: Callable[[str], list[float]]) -> None:
 
 
 def compare(echoes: Echoes, grid: NDArray[np.complex64], times: dict[str, list[float]]) -> None:
-    """Time the plain and the fast ways from echoes to profiles on a few rows."""
+    """Time the plain and the fast way from echoes to beat signals on a few rows."""
     few = echoes.select(echoes.row < REFERENCE_ROWS)
     rows = f"({REFERENCE_ROWS} rows)"
     signal = timed(
@@ -110,7 +110,6 @@ def compare(echoes: Echoes, grid: NDArray[np.complex64], times: dict[str, list[f
         lambda: spectrum(signal.astype(np.float32), CTS350X), times.setdefault(f"window and FFT {rows}", [])
     )
     timed(lambda: beat(grid[:REFERENCE_ROWS], CTS350X), times.setdefault(f"fast: gridded beat {rows}", []))
-    timed(lambda: profile(grid[:REFERENCE_ROWS], CTS350X), times.setdefault(f"fast: point spread {rows}", []))
 
 
 if __name__ == "__main__":

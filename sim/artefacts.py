@@ -25,7 +25,7 @@ class Artefacts:
     leakage: bool = True
     """Transmit-receive leakage and echoes of the radome."""
     quantisation: bool = True
-    """Steps of the analogue-to-digital converter."""
+    """Steps of the analogue-to-digital converter; off: the finest that 16 bits allow a row."""
     motion_distortion: bool = True
     """The rolling scan: every row from its own pose; off: all rows from the pose at mid-scan."""
     doppler: bool = True
@@ -35,5 +35,5 @@ class Artefacts:
 
     @property
     def linear(self) -> bool:
-        """Whether the receiver is linear, so that the point-spread function says all."""
+        """Whether the receiver is linear, so that nothing distorts."""
         return not (self.saturation or self.phase_noise or self.quantisation)

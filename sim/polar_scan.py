@@ -6,6 +6,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.sim.beat_signal import BeatSignal
+
 EPOCH_US = 1_700_000_000_000_000
 """Time stamp of a drive's start [us since 1970]; simulated drives all begin then."""
 
@@ -78,7 +80,8 @@ class PolarScan:
     codes (azimuths, bins) uint8: half decibels; timestamp_us (azimuths,) int64; encoder (azimuths,) uint16,
     `encoder_per_turn` counts a turn; valid (azimuths,) bool; bin_m: range step [m]; rising (azimuths,) bool:
     whether each row's sweep rises, None unless they alternate. Row i looks along azimuth 2 pi i / azimuths,
-    clockwise from straight ahead; bin k is centred at (k + 1/2) bin_m.
+    clockwise from straight ahead; bin k is centred at (k + 1/2) bin_m. beat: the raw data that the codes were
+    made from, where they were kept.
     """
 
     codes: NDArray[np.uint8]
@@ -89,6 +92,7 @@ class PolarScan:
     truth: ScanTruth | None = None
     rising: NDArray[np.bool_] | None = None
     encoder_per_turn: int = 5600
+    beat: BeatSignal | None = None
 
     @property
     def azimuth_rad(self) -> NDArray[np.float64]:

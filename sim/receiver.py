@@ -1,27 +1,25 @@
 """The receiver: leakage, phase noise, thermal noise, converter, window, FFT, gain and quantiser.
 
 Nothing is painted on: a strong echo clips the converter, and its harmonics and the raised floor of the row
-follow; a strong far echo carries its phase-noise skirt.
+follow; a strong far echo carries its phase-noise skirt. What the converter gives are integers, kept or not,
+and the power is made from them alone (`sim.range_processing`).
 """
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.sim.artefacts import Artefacts
+from echoscape.sim.beat_signal import BeatSignal, finely_sampled, joined, sampled
 from echoscape.sim.decibels import power_ratio
 from echoscape.sim.echoes import point_echoes
-from echoscape.sim.link import full_scale_amplitude, range_gain, written_units
+from echoscape.sim.link import full_scale_amplitude
 from echoscape.sim.phase_noise import noisy_beat
+from echoscape.sim.range_processing import row_blocks, written_power
 from echoscape.sim.sensor import Sensor
-from echoscape.sim.waveform import BIN_CENTRE, beat, echo_grid, profile, spectrum
-
-_BLOCK = 25
-"""Rows that are processed together, so that what is being worked on stays in the processor's cache."""
-
+from echoscape.sim.waveform import beat, echo_grid, spectrum
 
 PART_STEP = 2
 """The parts of the power are told in every second bin: the point spread is some 8 bins wide."""
@@ -33,7 +31,8 @@ class Received:
 
     power (A, bins) float32: what the quantiser takes; echo, noise, distortion (A, bins / PART_STEP) float32:
     the parts that echoes, thermal noise, and everything non-linear (clipping, converter steps, phase noise)
-    have alone, in every PART_STEP-th bin; saturated (A,) bool: a sample of the row was clipped.
+    have alone, in every PART_STEP-th bin; saturated (A,) bool: a sample of the row was clipped; beat: what
+    the power was made from, where it was asked for.
     """
 
     power: NDArray[np.float32]
@@ -41,6 +40,7 @@ class Received:
     noise: NDArray[np.float32]
     distortion: NDArray[np.float32]
     saturated: NDArray[np.bool_]
+    beat: BeatSignal | None = None
 
 
 def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
@@ -62,16 +62,21 @@ def thermal_noise(sensor: Sensor, *, rng: np.random.Generator) -> NDArray[np.flo
 
 def convert(
     signal: NDArray[np.float32], sensor: Sensor, artefacts: Artefacts
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return what the converter makes of a signal (rows, samples), and which rows (rows,) it clips."""
+) -> tuple[BeatSignal, NDArray[np.bool_]]:
+    """Return what the converter makes of a signal (rows, samples), and which rows (rows,) it clips.
+
+    A step is that of its bits. Without them (`artefacts.quantisation` off) a row has the finest that 16 bits
+    allow it.
+    """
     full_scale = full_scale_amplitude(sensor)
-    clipped = (np.abs(signal) > full_scale).any(axis=1)
+    clipped = np.zeros(len(signal), np.bool_)
     if artefacts.saturation:
+        clipped = (np.abs(signal) > full_scale).any(axis=1)
         signal = np.clip(signal, -full_scale, full_scale)
-    if artefacts.quantisation:
-        step = np.float32(2 * full_scale / 2**sensor.adc_bits)
-        signal = np.rint(signal / step) * step
-    return signal, np.logical_and(clipped, artefacts.saturation)
+    if not artefacts.quantisation:
+        return finely_sampled(signal), clipped
+    step = np.full(len(signal), 2 * full_scale / 2**sensor.adc_bits, np.float32)
+    return sampled(signal, step), clipped
 
 
 def receive(
@@ -81,32 +86,34 @@ def receive(
     *,
     noise_rng: np.random.Generator,
     phase_rng: np.random.Generator,
+    keep_beat: bool = False,
 ) -> Received:
     """Return the written power of a scan's grid of echoes (azimuths, fft_size / 2), and what made it.
 
     The linear parts (echo, noise) and the whole are transformed alike; what the whole has beyond them is
-    distortion.
+    distortion. With `keep_beat` the signal that the power was made from comes along.
     """
-    gain = _written_gain(sensor)
     noise = thermal_noise(sensor, rng=noise_rng) if artefacts.thermal_noise else None
     leak = leakage_grid(sensor) if artefacts.leakage else np.zeros((1, grid.shape[1]), np.complex64)
     steps = [1] + 3 * [PART_STEP]
     parts = [np.empty((sensor.azimuths, -(-sensor.bins // step)), np.float32) for step in steps]
     saturated = np.zeros(sensor.azimuths, np.bool_)
-    for start in range(0, sensor.azimuths, _BLOCK):
-        rows = slice(start, start + _BLOCK)
+    beats = []
+    for rows in row_blocks(sensor.azimuths):
         noise_rows = None if noise is None else noise[rows]
-        block, saturated[rows] = _block(grid[rows] + leak, noise_rows, sensor, artefacts, phase_rng)
+        signal, block, saturated[rows] = _block(grid[rows] + leak, noise_rows, sensor, artefacts, phase_rng)
         for whole, values, step in zip(parts, block, steps, strict=True):
-            np.multiply(_power(values), gain[::step], out=whole[rows])
-    return Received(power=parts[0], echo=parts[1], noise=parts[2], distortion=parts[3], saturated=saturated)
-
-
-@lru_cache(maxsize=8)
-def _written_gain(sensor: Sensor) -> NDArray[np.float32]:
-    """Return the written power (bins,) of a unit of |FFT|^2."""
-    ranges = (np.arange(sensor.bins) + BIN_CENTRE) * sensor.bin_m
-    return (written_units(sensor) * range_gain(sensor, ranges)).astype(np.float32)
+            written_power(values, sensor, step=step, out=whole[rows])
+        if keep_beat:
+            beats.append(signal)
+    return Received(
+        power=parts[0],
+        echo=parts[1],
+        noise=parts[2],
+        distortion=parts[3],
+        saturated=saturated,
+        beat=joined(beats) if keep_beat else None,
+    )
 
 
 def _block(
@@ -115,24 +122,16 @@ def _block(
     sensor: Sensor,
     artefacts: Artefacts,
     phase_rng: np.random.Generator,
-) -> tuple[list[NDArray[np.complex64]], NDArray[np.bool_]]:
-    """Return the spectra of some rows (whole; echoes, noise, distortion in steps) and which are clipped."""
+) -> tuple[BeatSignal, list[NDArray[np.complex64]], NDArray[np.bool_]]:
+    """Return some rows' signal, spectra (whole; echoes, noise, distortion in steps), and what is clipped."""
     silence = np.zeros((len(grid), -(-sensor.bins // PART_STEP)), np.complex64)
-    if artefacts.linear and noise is None:
-        echo = profile(grid, sensor)
-        return [echo, echo[:, ::PART_STEP], silence, silence], np.zeros(len(grid), np.bool_)
     clean = beat(grid, sensor)
     signal = noisy_beat(grid, sensor, rng=phase_rng) if artefacts.phase_noise else clean
     if noise is not None:
         signal = signal + noise
     converted, saturated = convert(signal, sensor, artefacts)
-    whole = spectrum(converted, sensor)
+    whole = spectrum(converted.amplitude(), sensor)
     clean_spectrum = spectrum(clean, sensor, step=PART_STEP)
     noise_spectrum = silence if noise is None else spectrum(noise, sensor, step=PART_STEP)
     distortion = silence if artefacts.linear else whole[:, ::PART_STEP] - clean_spectrum - noise_spectrum
-    return [whole, clean_spectrum, noise_spectrum, distortion], saturated
-
-
-def _power(values: NDArray[np.complex64]) -> NDArray[np.float32]:
-    """Return |values|^2."""
-    return np.square(values.real) + np.square(values.imag)
+    return converted, [whole, clean_spectrum, noise_spectrum, distortion], saturated

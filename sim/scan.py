@@ -99,8 +99,8 @@ class Simulator:
         traced = self._tracer.trace(poses, self._states(turn))
         return traced if self.artefacts.sidelobes else traced.select(~traced.sidelobe)
 
-    def scan(self, index: int) -> PolarScan:
-        """Make scan `index` with its truth."""
+    def scan(self, index: int, *, keep_beat: bool = False) -> PolarScan:
+        """Make scan `index` with its truth, and with its raw data where `keep_beat` asks for them."""
         turn, sensor = self.turn(index), self.sensor
         echoes = self.echoes(index)
         received = receive(
@@ -109,6 +109,7 @@ class Simulator:
             self.artefacts,
             noise_rng=self._rng(index, "noise"),
             phase_rng=self._rng(index, "phase_noise"),
+            keep_beat=keep_beat,
         )
         middle = turn.middle_s
         truth = ScanTruth(
@@ -129,6 +130,7 @@ class Simulator:
             truth=truth,
             rising=sensor.rising if sensor.chirps == "alternating" else None,
             encoder_per_turn=sensor.encoder_per_turn,
+            beat=received.beat,
         )
 
     def _states(self, turn: Turn) -> MoverStates:

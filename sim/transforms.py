@@ -30,8 +30,3 @@ def ifft(
 ) -> NDArray[np.complex64]:
     """Return the inverse transform of complex rows, padded with zeros or cut to `size`."""
     return cast("NDArray[np.complex64]", scipy_fft.ifft(spectrum, size, axis=1, overwrite_x=overwrite))
-
-
-def next_fast_len(size: int) -> int:
-    """Return the smallest size from `size` on that transforms quickly."""
-    return cast("int", scipy_fft.next_fast_len(size))

@@ -1,12 +1,11 @@
-"""From echoes to range profiles: the sampled beat signal, and the point-spread function as the fast way.
+"""From echoes to the sampled beat signal, and from that to its spectrum over range.
 
 An echo of amplitude a [sqrt(W)] at range r is a beat tone sqrt(2) Re(a exp(j 2 pi f n / fs)), f = 2 B r / (c
 T), with n counted from the sweep's middle. `beat_reference` sums the tones one by one; `beat` lays the echoes
 on the grid of range bins with linear weights and transforms once, then divides the weights' own spectrum
-(sinc^2) out, which is exact but for aliases below -50 dB; `profile` spreads the grid by the window's spectrum
-and never makes the beat signal.
+(sinc^2) out, which is exact but for aliases below -50 dB.
 
-Bin k of a profile is centred at (k + 1/2) bin_m, as the loaders of the real sensor's data take it: the delay
+Bin k of a spectrum is centred at (k + 1/2) bin_m, as the loaders of the real sensor's data take it: the delay
 of the feed is calibrated so that a tone of frequency k fs / fft_size comes from there.
 """
 
@@ -15,17 +14,14 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import fftfreq
 
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.link import window
 from echoscape.sim.sensor import Sensor
-from echoscape.sim.transforms import fft, ifft, irfft, next_fast_len, rfft
+from echoscape.sim.transforms import ifft, irfft, rfft
 
 BIN_CENTRE = 0.5
 """Where in its bin an echo peaks."""
-_GUARD = 64
-"""Bins below range 0 in which `profile` keeps the mirror image of near echoes (negative beat frequency)."""
 
 
 def sample_times(sensor: Sensor) -> NDArray[np.int64]:
@@ -108,34 +104,3 @@ def spectrum(signal: NDArray[np.float32], sensor: Sensor, *, step: int = 1) -> N
     """
     weighted = signal * window(sensor).astype(np.float32)
     return rfft(weighted, sensor.fft_size // step)[:, : -(-sensor.bins // step)]
-
-
-@lru_cache(maxsize=8)
-def _spreading(sensor: Sensor, size: int) -> NDArray[np.float32]:
-    """Return the transform of the point-spread function on a ring of `size` bins: window over weights.
-
-    The sweep's samples are sampled anew at `size` points of the ring's time, between them linearly: the
-    window and the weights' spectrum are smooth.
-    """
-    times = fftfreq(size) * sensor.fft_size
-    half = sensor.samples // 2
-    inside = np.interp(times, np.arange(-half, half), window(sensor), left=0.0, right=0.0)
-    return (inside * (math.sqrt(0.5) / np.sinc(times / sensor.fft_size) ** 2) * sensor.fft_size).astype(
-        np.float32
-    )
-
-
-def profile(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.complex64]:
-    """Return range profiles (rows, bins) complex64 as `spectrum` of `beat` would, but for a phase by bin.
-
-    The grid is spread along range by the window's spectrum: a convolution on a ring that is long enough for
-    the spread not to meet itself. Valid where nothing in the receiver is non-linear.
-    """
-    bins = grid.shape[1]
-    size = next_fast_len(bins + 2 * _GUARD)
-    image = np.zeros((len(grid), size), np.complex64)
-    image[:, :bins] = grid
-    image[:, 0] += grid[:, 0].conj()
-    image[:, size - _GUARD + 1 :] += grid[:, _GUARD - 1 : 0 : -1].conj()
-    spread = ifft(fft(image) * _spreading(sensor, size))
-    return spread[:, : sensor.bins]
