@@ -1,4 +1,4 @@
-"""Test targets that a user places exactly: corner reflectors, plates, spheres, cylinders, walls, a box vehicle.
+"""Test targets that a user places exactly: corners, plates, spheres, cylinders, walls, a box vehicle.
 
 A target's own frame has x along its boresight (what faces the radar), y left and z up. Most targets are
 *coherent*: smooth and small against the beam, so that their echo is a phase sum over their surface (`sim`
@@ -27,13 +27,14 @@ class _Kind:
     sizes: tuple[str, ...]
     class_name: str
     coherent: bool
+    flat: bool = False
 
 
 KINDS: dict[str, _Kind] = {
     "point": _Kind((), "target", True),
-    "trihedral": _Kind(("edge",), "target", True),
-    "dihedral": _Kind(("width", "height"), "target", True),
-    "plate": _Kind(("width", "height"), "target", True),
+    "trihedral": _Kind(("edge",), "target", True, flat=True),
+    "dihedral": _Kind(("width", "height"), "target", True, flat=True),
+    "plate": _Kind(("width", "height"), "target", True, flat=True),
     "sphere": _Kind(("radius",), "target", True),
     "cylinder": _Kind(("radius", "height"), "target", True),
     "wall": _Kind(("length", "height", "thickness"), "wall", False),
@@ -82,13 +83,18 @@ class Target:
                 raise ValueError(f"{name} of a {self.kind} must be above 0, got {size}")
         if self.rcs_m2 <= 0:
             raise ValueError(f"rcs_m2 must be above 0, got {self.rcs_m2}")
-        if self.elevation_rad and self.kind not in ("trihedral", "dihedral", "plate"):
+        if self.elevation_rad and not KINDS[self.kind].flat:
             raise ValueError(f"elevation_rad must be 0 for a {self.kind}, got {self.elevation_rad}")
 
     @property
     def coherent(self) -> bool:
         """Whether its echo is a phase sum over its surface."""
         return KINDS[self.kind].coherent
+
+    @property
+    def reach_m(self) -> float:
+        """Distance from the reference point within which the whole target lies [m]."""
+        return float(np.linalg.norm(self.size_m)) if self.size_m else 0.0
 
     @property
     def axes(self) -> NDArray[np.float64]:
@@ -104,10 +110,15 @@ class Target:
         )
 
     @property
-    def faces(self) -> NDArray[np.float64]:
-        """The flat faces of a plate or a corner in the world: triangles (T, 3, 3) [m]; other kinds have none."""
-        local = _flat_faces(self.kind, self.size_m)
-        return local @ self.axes + np.array(self.position_m)
+    def patches(self) -> NDArray[np.float64]:
+        """The flat patches of a plate or a corner in the world (P, 3, 3) [m]; other kinds have none.
+
+        Rows are a corner and the two edges that start there. A patch is the parallelogram between the edges,
+        of a trihedral the triangle.
+        """
+        patches = _flat_patches(self.kind, self.size_m) @ self.axes
+        patches[:, 0] += np.array(self.position_m)
+        return patches
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,39 +163,42 @@ def _mesh(target: Target) -> Mesh | None:
     """Return what rays meet of a target, in the world; None for a point."""
     if target.kind == "point":
         return None
-    if target.kind in ("plate", "dihedral", "trihedral"):
-        corners = target.faces.reshape(-1, 3)
-        faces = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
-        return Mesh(vertices=corners.astype(np.float32), faces=faces)
+    if KINDS[target.kind].flat:
+        return _flat_mesh(target)
     local = _solid(target.kind, target.size_m)
     vertices = local.vertices.astype(np.float64) @ target.axes + np.array(target.position_m)
     return Mesh(vertices=vertices.astype(np.float32), faces=local.faces)
 
 
-def _flat_faces(kind: str, size_m: tuple[float, ...]) -> NDArray[np.float64]:
-    """Return triangles (T, 3, 3) in the target's frame, counter-clockwise seen from its boresight [m]."""
+def _flat_mesh(target: Target) -> Mesh:
+    """Return the triangles of flat patches, counter-clockwise seen from the boresight."""
+    corner, first, second = target.patches.transpose(1, 0, 2)
+    triangles = [np.stack([corner, corner + first, corner + second], axis=1)]
+    if target.kind != "trihedral":
+        triangles.append(np.stack([corner + first, corner + first + second, corner + second], axis=1))
+    corners = np.concatenate(triangles).reshape(-1, 3)
+    faces = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
+    return Mesh(vertices=corners.astype(np.float32), faces=faces)
+
+
+def _flat_patches(kind: str, size_m: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return patches (P, 3, 3) in the target's frame: corner and two edges, facing the boresight [m]."""
     if kind == "plate":
-        y, z = size_m[0] / 2, size_m[1] / 2
-        return _halves([[0, -y, -z], [0, y, -z], [0, y, z], [0, -y, z]])
+        y, z = size_m
+        return np.array([[[0, -y / 2, -z / 2], [0, y, 0], [0, 0, z]]], np.float64)
     if kind == "dihedral":
         # Plates of `width` at 45 degrees to the boresight, meeting in an upright edge.
-        w, z = size_m[0] / math.sqrt(2), size_m[1] / 2
-        left = _halves([[0, 0, -z], [w, w, -z], [w, w, z], [0, 0, z]])
-        right = _halves([[w, -w, -z], [0, 0, -z], [0, 0, z], [w, -w, z]])
-        return np.concatenate([left, right])
+        w, z = size_m[0] / math.sqrt(2), size_m[1]
+        foot = [0, 0, -z / 2]
+        left, right = [foot, [w, w, 0], [0, 0, z]], [foot, [0, 0, z], [w, -w, 0]]
+        return np.array([left, right], np.float64)
     if kind == "trihedral":
         # Three edges at equal angles to the boresight, one of them straight above it.
         turns = math.pi / 2 + 2 * math.pi / 3 * np.arange(3)
         edges = np.column_stack([np.ones(3), math.sqrt(2) * np.cos(turns), math.sqrt(2) * np.sin(turns)])
         edges *= size_m[0] / math.sqrt(3)
-        apex = np.zeros(3)
-        return np.array([[apex, edges[i], edges[(i + 1) % 3]] for i in range(3)])
+        return np.array([[np.zeros(3), edges[i], edges[(i + 1) % 3]] for i in range(3)])
     return np.zeros((0, 3, 3))
-
-
-def _halves(corners: list[list[float]]) -> NDArray[np.float64]:
-    a, b, c, d = np.array(corners, np.float64)
-    return np.array([[a, b, c], [a, c, d]])
 
 
 def _solid(kind: str, size_m: tuple[float, ...]) -> Mesh:

@@ -11,13 +11,15 @@ class Returns:
     """What each of R return paths is, whichever rows hear it.
 
     bounces (R,) uint8: surfaces met out and back (1 direct, 2 loop, 3 mirror ghost or longer loop);
-    instance (R,) uint32; material (R,) uint8; moving (R,) bool.
+    instance (R,) uint32: the last of them; material (R,) uint8; moving (R,) bool; surfaces (R, D) uint32:
+    instance ids of the surfaces met on the way out, in order, 0 where there are no more.
     """
 
     bounces: NDArray[np.uint8]
     instance: NDArray[np.uint32]
     material: NDArray[np.uint8]
     moving: NDArray[np.bool_]
+    surfaces: NDArray[np.uint32]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +92,7 @@ def point_echoes(
         instance=np.zeros(count, np.uint32),
         material=np.zeros(count, np.uint8),
         moving=np.zeros(count, np.bool_),
+        surfaces=np.zeros((count, 1), np.uint32),
     )
     amplitude = np.asarray(amplitude, np.complex64)
     return Echoes(

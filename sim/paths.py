@@ -18,6 +18,7 @@ from echoscape.sim.backend import dr, mi
 from echoscape.sim.intersection import Hits, turned
 from echoscape.sim.scattering import Surfaces
 from echoscape.sim.speckle import PATCH_M, patch_key, patch_step, reflectivity, scatterer_offset
+from echoscape.sim.texture import Texture
 
 _SKIN_M = 1e-3
 """A ray goes on this far above the surface that it left."""
@@ -29,7 +30,8 @@ class Rays:
 
     origin [m], direction (double); travelled: unfolded length so far [m] (double); weight: product of mirror
     power reflectivities; row: home row; number: of the ray in its scan; density [1/sr]; gain: one-way
-    elevation gain towards the first leg; start and heading: the first leg's origin and direction.
+    elevation gain towards the first leg; start and heading: the first leg's origin and direction;
+    only_targets: no surface so far was anything but a coherent target.
     """
 
     origin: "mi.Point3d"
@@ -44,6 +46,7 @@ class Rays:
     moved: "mi.Bool"
     start: "mi.Point3d"
     heading: "mi.Vector3d"
+    only_targets: "mi.Bool"
 
 
 @dataclass
@@ -52,7 +55,8 @@ class ReturnPaths:
 
     out, back: where the path's two ends seem to lie, unfolded [m] (double); power: mean received power but
     for the azimuth gain [W]; real, imag: unit-mean-power complex Gaussian of the scatterer; drift: rate of
-    the half path by the things' own motion [m/s]; row: home row; material, instance; moving.
+    the half path by the things' own motion [m/s]; row: home row; number: of the ray; material, instance,
+    moving: of the last thing met.
     """
 
     out: "mi.Point3d"
@@ -62,6 +66,7 @@ class ReturnPaths:
     imag: "mi.Float"
     drift: "mi.Float"
     row: "mi.UInt32"
+    number: "mi.UInt32"
     material: "mi.UInt32"
     instance: "mi.UInt32"
     moving: "mi.Bool"
@@ -118,6 +123,7 @@ class Scatterer:
         self._steps = len(elevation_gain) - 1
         self._seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
         self._speckle = speckle
+        self._texture = Texture()
 
     def _gain_towards(self, direction: "mi.Vector3f", active: "mi.Bool") -> "mi.Float":
         """Return the one-way elevation gain of unit directions, looked up in even steps of the angle."""
@@ -149,6 +155,7 @@ class Scatterer:
         real, imag = reflectivity(key)
         mean_rays *= dr.square(mi.Float(step))
         scale = 1 / dr.sqrt(mean_rays + 1 / (1 + mean_rays / 2))
+        scale *= self._texture.amplitude(hits.material, hits.local, hits.owner, self._seed, hits.active)
         offset = turned(scatterer_offset(hits.local, step, key), hits.cosine, hits.sine)
         flat = offset - hits.normal * dr.dot(offset, hits.normal)
         return dr.dot(flat, rays.direction), real * scale, imag * scale
@@ -157,7 +164,8 @@ class Scatterer:
         """Return the power that goes back the way it came: direct at depth 1, mirror ghosts beyond."""
         cosine, power, share = self._reflected(rays, hits)
         lobe = self._surfaces.mirror_lobe(hits.material, cosine, cosine, cosine, hits.active)
-        brdf = share * lobe + (1 - share) / math.pi
+        cosines = (cosine, cosine, mi.Float(1))
+        brdf = share * lobe + self._surfaces.diffuse_lobe(1 - share, hits.material, cosines, hits.active)
         length = rays.travelled + hits.distance
         length32 = mi.Float(length)
         received = self._link * dr.square(rays.gain * rays.weight) * power * brdf * cosine
@@ -168,11 +176,12 @@ class Scatterer:
         return ReturnPaths(
             out=place,
             back=place,
-            power=dr.select(hits.active, received, 0),
+            power=dr.select(hits.active & ~rays.only_targets, received, 0),
             real=real,
             imag=imag,
             drift=rays.drift + dr.dot(hits.velocity, mi.Vector3f(rays.direction)),
             row=rays.row,
+            number=rays.number,
             material=hits.material,
             instance=hits.instance,
             moving=rays.moved | (hits.owner != 0),
@@ -194,7 +203,8 @@ class Scatterer:
         cos_half = dr.dot(half, mi.Vector3f(hits.normal))
         active = hits.active & (cos_out > 1e-3)
         lobe = self._surfaces.mirror_lobe(hits.material, cos_half, cosine, cos_out, active)
-        brdf = share * lobe + 4 * (1 - share) / math.pi
+        cosines = (cosine, cos_out, mi.Float(-dr.dot(rays.direction, towards)))
+        brdf = share * lobe + self._surfaces.diffuse_lobe(4 * (1 - share), hits.material, cosines, active)
         gains = rays.gain * self._gain_towards(mi.Vector3f(-towards), active)
         received = self._link * gains * rays.weight * power * brdf * cos_out
         received /= dr.square(mi.Float(length)) * rays.density
@@ -205,11 +215,12 @@ class Scatterer:
         return ReturnPaths(
             out=rays.start + rays.heading * unfolded,
             back=mi.Point3d(hits.place),
-            power=dr.select(active, received, 0),
+            power=dr.select(active & ~rays.only_targets, received, 0),
             real=real,
             imag=imag,
             drift=rays.drift * 0.5 + dr.dot(hits.velocity, away),
             row=rays.row,
+            number=rays.number,
             material=hits.material,
             instance=hits.instance,
             moving=rays.moved | (hits.owner != 0),
@@ -235,4 +246,5 @@ class Scatterer:
             moved=rays.moved | (hits.owner != 0),
             start=rays.start,
             heading=rays.heading,
+            only_targets=rays.only_targets,
         )

@@ -5,10 +5,13 @@ the radar's poses by row and the movers' states.
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.targets import PlacedTarget
 from echoscape.scenes.world import CLASSES
 from echoscape.sim.antenna import Antenna
 from echoscape.sim.backend import dr, mi
@@ -22,6 +25,7 @@ from echoscape.sim.paths import Rays, ReturnPaths, Scatterer, picked
 from echoscape.sim.scattering import Surfaces
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.speckle import hash32
+from echoscape.sim.target_echoes import TargetEchoes
 from echoscape.sim.town_scene import TownScene
 from echoscape.sim.trace_settings import TraceSettings
 
@@ -44,11 +48,15 @@ class Tracer:
         settings: TraceSettings,
         *,
         instance_class: NDArray[np.uint8],
+        targets: Sequence[PlacedTarget] = (),
         seed: int,
         speckle: bool = True,
         doppler: bool = True,
     ) -> None:
-        """`instance_class` (I,) names the class of every instance id, movers included."""
+        """`instance_class` (I,) names the class of every instance id, movers included.
+
+        Coherent ones among the `targets` send back their phase sum; rays see them as mirrors and obstacles.
+        """
         self._scene = scene
         self._sensor = sensor
         self._settings = settings
@@ -86,6 +94,9 @@ class Tracer:
         )
         self._hearing = Hearing(sensor, antenna, floor_w=self._floor_w, doppler=doppler)
         self._obstacle = ~np.isin(instance_class, GROUND_CLASSES)
+        self._targets = TargetEchoes(targets, sensor, antenna, floor_w=self._floor_w, doppler=doppler)
+        coherent = np.isin(np.arange(len(instance_class)), self._targets.instances)
+        self._coherent = mi.Bool(coherent)
 
     def trace(self, poses: RowPoses, states: MoverStates) -> Echoes:
         """Return the echoes of one scan for the antenna at `poses` and the movers at `states`."""
@@ -93,6 +104,7 @@ class Tracer:
         self._hearing.place(poses)
         rays = self._first_rays(poses)
         heard: list[tuple[ReturnPaths, Heard] | None] = []
+        met: list[_Met] = []
         first_m = np.full(self._sensor.azimuths, np.inf, np.float32)
         for depth in range(1, self._settings.max_bounces + 1):
             hits = self._meet(world, rays)
@@ -102,7 +114,9 @@ class Tracer:
             if len(index) == 0:
                 break
             rays, hits = picked(rays, index), picked(hits, index)
+            rays.only_targets &= dr.gather(mi.Bool, self._coherent, hits.instance)
             dr.eval(rays, hits)
+            met.append(_Met(rays.number.numpy(), hits.instance.numpy()))
             if 2 * depth - 1 <= self._settings.max_bounces:
                 heard.append(self._hearing.hear(self._scatterer.same_path(rays, hits, depth=depth)))
             if depth > 1:
@@ -113,7 +127,9 @@ class Tracer:
                 if onward is None:
                     break
                 rays = onward
-        return _gathered([each for each in heard if each is not None], first_m)
+        parts = [(_returns(paths, met), part) for paths, part in filter(None, heard)]
+        targets = self._targets.hear(world, poses)
+        return _gathered([*parts, targets] if targets else parts, first_m)
 
     def _first_rays(self, poses: RowPoses) -> Rays:
         """Point the set of directions along each row's heading from each row's place."""
@@ -138,6 +154,7 @@ class Tracer:
             moved=dr.zeros(mi.Bool, dr.width(row)),
             start=origin,
             heading=direction,
+            only_targets=dr.full(mi.Bool, True, dr.width(row)),
         )
 
     def _meet(self, world: World, rays: Rays) -> Hits:
@@ -200,26 +217,51 @@ class Tracer:
         return picked(onward, index) if len(index) else None
 
 
-def _gathered(heard: list[tuple[ReturnPaths, Heard]], first_m: NDArray[np.float32]) -> Echoes:
-    """Bring all echoes and what they come from into NumPy arrays."""
-    sources, start = [], 0
-    for paths, part in heard:
-        sources.append(part.source + np.uint32(start))
-        start += dr.width(paths.row)
+@dataclass(frozen=True)
+class _Met:
+    """What rays met at one depth: numbers (N,) increasing, instances (N,)."""
+
+    number: NDArray[np.uint32]
+    instance: NDArray[np.uint32]
+
+
+def _returns(paths: ReturnPaths, met: Sequence[_Met]) -> Returns:
+    """Return what the paths are; a same-path return of order 2 d - 1 met d surfaces on its way out."""
+    number, count = paths.number.numpy(), dr.width(paths.row)
+    depth = paths.bounces if paths.back is not paths.out else (paths.bounces + 1) // 2
+    surfaces = [each.instance[np.searchsorted(each.number, number)] for each in met[:depth]]
+    return Returns(
+        bounces=np.full(count, paths.bounces, np.uint8),
+        instance=paths.instance.numpy(),
+        material=paths.material.numpy().astype(np.uint8),
+        moving=paths.moving.numpy(),
+        surfaces=np.stack(surfaces, axis=1),
+    )
+
+
+def _gathered(heard: Sequence[tuple[Returns, Heard]], first_m: NDArray[np.float32]) -> Echoes:
+    """Join the echoes of all groups of returns."""
+    starts = np.cumsum([0, *(len(returns.bounces) for returns, _ in heard)])
+    deepest = max((returns.surfaces.shape[1] for returns, _ in heard), default=1)
     returns = Returns(
-        bounces=_joined(
-            [np.full(dr.width(paths.row), paths.bounces, np.uint8) for paths, _ in heard], np.uint8
+        bounces=_joined([each.bounces for each, _ in heard], np.uint8),
+        instance=_joined([each.instance for each, _ in heard], np.uint32),
+        material=_joined([each.material for each, _ in heard], np.uint8),
+        moving=_joined([each.moving for each, _ in heard], np.bool_),
+        surfaces=np.concatenate(
+            [np.zeros((0, deepest), np.uint32)]
+            + [np.pad(each.surfaces, ((0, 0), (0, deepest - each.surfaces.shape[1]))) for each, _ in heard]
         ),
-        instance=_joined([paths.instance.numpy() for paths, _ in heard], np.uint32),
-        material=_joined([paths.material.numpy().astype(np.uint8) for paths, _ in heard], np.uint8),
-        moving=_joined([paths.moving.numpy() for paths, _ in heard], np.bool_),
     )
     return Echoes(
         row=_joined([part.row for _, part in heard], np.int32),
         range_m=_joined([part.range_m for _, part in heard], np.float64),
         amplitude=_joined([part.amplitude for _, part in heard], np.complex64),
         mean_power=_joined([part.mean_power for _, part in heard], np.float32),
-        source=_joined(sources, np.uint32),
+        source=_joined(
+            [part.source + np.uint32(start) for (_, part), start in zip(heard, starts, strict=False)],
+            np.uint32,
+        ),
         sidelobe=_joined([part.sidelobe for _, part in heard], np.bool_),
         closing_mps=_joined([part.closing_mps for _, part in heard], np.float32),
         returns=returns,
