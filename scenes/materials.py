@@ -4,7 +4,9 @@ Permittivity eps' = a f^b and conductivity c f^d [S/m] with f in GHz: ITU-R P.20
 asphalt concrete from P.2040-4 (09/2025). Roughness values are ours, calibrated, each with its ground.
 """
 
+import math
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -14,7 +16,10 @@ class Material:
     `rms_height_m` is the small-scale roughness (Rayleigh factor); `scattering` is S of the
     effective-roughness model (Degli-Esposti 2007), the amplitude share that scatters diffusely;
     `rms_slope_rad` is the waviness on scales above the wavelength, which widens a mirror reflection to a
-    glint of finite width.
+    glint of finite width. `lobe` is where the diffuse part goes (Degli-Esposti 2007): evenly bright
+    (`lambert`), about the mirror's direction (`directive`) or back (`backscatter`), the narrower the higher
+    the integer `lobe_order`. `texture_shape` is nu of the gamma law that the mean reflectivity of cells
+    `texture_m` wide follows (the K-distribution's; inf: all cells alike).
     """
 
     name: str
@@ -28,10 +33,28 @@ class Material:
     scattering: float
     rms_slope_rad: float
     roughness_source: str
+    lobe: Literal["lambert", "directive", "backscatter"] = "lambert"
+    lobe_order: int = 4
+    texture_shape: float = math.inf
+    texture_m: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse lobes and textures that do not exist, naming the material and the field."""
+        if self.lobe not in ("lambert", "directive", "backscatter"):
+            raise ValueError(
+                f"{self.name}: lobe must be lambert, directive or backscatter, got {self.lobe!r}"
+            )
+        if self.lobe_order != int(self.lobe_order) or not 1 <= self.lobe_order <= 100:
+            raise ValueError(f"{self.name}: lobe_order must be whole, 1 to 100, got {self.lobe_order}")
+        if not self.texture_shape >= 0.1:
+            raise ValueError(f"{self.name}: texture_shape must be 0.1 or more, got {self.texture_shape}")
+        if not 0.1 <= self.texture_m < math.inf:
+            raise ValueError(f"{self.name}: texture_m must be 0.1 or more, got {self.texture_m}")
 
 
 _P3 = "ITU-R P.2040-3, Table 3"
 _P4 = "ITU-R P.2040-4, Table 3"
+_TEXTURE = ": nu calibrated (land clutter at mm waves is compound Gaussian: Kulemin, Proc. SPIE 5077, 2003)"
 
 
 MATERIALS: dict[str, Material] = {
@@ -132,8 +155,10 @@ MATERIALS: dict[str, Material] = {
             scattering=0.5,
             rms_slope_rad=0.01,
             roughness_source=(
-                "dense asphalt texture depth 0.5-1 mm; row used beyond its band (extrapolated to 76.5 GHz)"
+                "dense asphalt texture depth 0.5-1 mm; row used beyond its band (extrapolated to 76.5 GHz); "
+                f"texture of wear, patches and joints{_TEXTURE}"
             ),
+            texture_shape=10.0,
         ),
         Material(
             name="paving",
@@ -161,8 +186,10 @@ MATERIALS: dict[str, Material] = {
             rms_slope_rad=0.1,
             roughness_source=(
                 "very dry ground; grass and earth, rms 2-5 mm; "
-                "row used beyond its band (extrapolated to 76.5 GHz)"
+                "row used beyond its band (extrapolated to 76.5 GHz); "
+                f"texture of tufts and bare patches{_TEXTURE}"
             ),
+            texture_shape=4.0,
         ),
         Material(
             name="foliage",
@@ -176,8 +203,10 @@ MATERIALS: dict[str, Material] = {
             scattering=0.9,
             rms_slope_rad=0.3,
             roughness_source=(
-                "leaves and twigs: thin wet sheets in all directions, taken as rough wood; calibrated"
+                "leaves and twigs: thin wet sheets in all directions, taken as rough wood; calibrated; "
+                f"texture of branches and gaps{_TEXTURE}"
             ),
+            texture_shape=2.0,
         ),
         Material(
             name="rubber",

@@ -50,13 +50,18 @@ def _cell(place: "mi.Float64", axis: int, edge_m: "mi.Float64") -> "mi.Float64":
     return dr.floor((place + _ORIGIN[axis]) / edge_m)
 
 
-def patch_key(place: "mi.Point3d", step: "mi.UInt32", owner: "mi.UInt32", seed: "mi.UInt32") -> "mi.UInt32":
-    """Return the hash (N,) of the patch that `place` [m] lies in; `owner` tells apart lattices that move."""
-    key, edge_m = hash32(owner ^ seed ^ (step << 24)), mi.Float64(step) * PATCH_M
+def lattice_key(place: "mi.Point3d", edge_m: "mi.Float64", salt: "mi.UInt32") -> "mi.UInt32":
+    """Return the hash (N,) of the cell of a lattice of edge `edge_m` [m] that `place` [m] lies in."""
+    key = hash32(salt)
     for axis in range(3):
         cell = mi.Int32(_cell(place[axis], axis, edge_m))
         key = hash32(key ^ dr.reinterpret_array(mi.UInt32, cell))
     return key
+
+
+def patch_key(place: "mi.Point3d", step: "mi.UInt32", owner: "mi.UInt32", seed: "mi.UInt32") -> "mi.UInt32":
+    """Return the hash (N,) of the patch that `place` [m] lies in; `owner` tells apart lattices that move."""
+    return lattice_key(place, mi.Float64(step) * PATCH_M, owner ^ seed ^ (step << 24))
 
 
 def scatterer_offset(place: "mi.Point3d", step: "mi.UInt32", key: "mi.UInt32") -> "mi.Vector3d":
