@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from echoscape.cli.parsing import parsed
+from echoscape.cli.worlds import RecipeFlags, recipe_of
 from echoscape.sim.recipe import Recipe
 
 
@@ -23,8 +24,12 @@ class Options:
 
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Folder to write; it must be empty or new."""
-    recipe: Annotated[Recipe, tyro.conf.arg(name="")] = field(default_factory=Recipe)
+    recipe: Annotated[RecipeFlags, tyro.conf.arg(name="")] = field(default_factory=RecipeFlags)
     """What to make."""
+    scene: Path | None = None
+    """TOML file of a scene of one's own, in the place of a preset; its keys: docs/scenes.md."""
+    targets: Path | None = None
+    """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
     workers: int = 1
     """Processes that make scans side by side; the result does not depend on it."""
     threads: int | None = None
@@ -41,12 +46,13 @@ def main(arguments: Sequence[str]) -> int:
 
     try:
         options = parsed(Options, prog="echoscape simulate", arguments=arguments)
+        recipe = recipe_of(options.recipe, scene=options.scene, targets=options.targets)
         _check(options)
     except (DatasetError, ValueError) as error:
         return _refused(str(error), 2)
     except OSError as error:
         return _refused(f"OUT: {error.strerror}", 2)
-    return _simulate(options)
+    return _simulate(options, recipe)
 
 
 def _check(options: Options) -> None:
@@ -56,8 +62,9 @@ def _check(options: Options) -> None:
     check_arguments(options.out, workers=options.workers, threads=options.threads, resume=options.resume)
 
 
-def _simulate(options: Options) -> int:
-    """Make the dataset that `options` describe and return the exit code."""
+def _simulate(options: Options, recipe: Recipe) -> int:
+    """Make the dataset of `recipe` as `options` say and return the exit code."""
+    from echoscape.scenes.tables import SceneError
     from echoscape.sim.crew import CrewError
     from echoscape.sim.dataset import write_dataset
     from echoscape.sim.whole_files import DatasetError
@@ -68,7 +75,7 @@ def _simulate(options: Options) -> int:
         with _Stages(console) as stages:
             write_dataset(
                 options.out,
-                options.recipe,
+                recipe,
                 workers=options.workers,
                 threads=options.threads,
                 resume=options.resume,
@@ -85,14 +92,14 @@ def _simulate(options: Options) -> int:
             else "nothing was left behind"
         )
         return _refused(f"interrupted; {hint}", 130)
-    except DatasetError as error:
+    except (DatasetError, SceneError) as error:
         return _refused(str(error), 2)
     except CrewError as error:
         return _refused(f"{error}\nThe scans made so far are whole; add --resume to go on.", 1)
     except OSError as error:
         whole = " The scans made so far are whole; add --resume to go on." if options.out.exists() else ""
         return _refused(f"OUT {options.out}: {error}.{whole}", 1 if whole else 2)
-    Console().print(_summary(options, seconds=time.monotonic() - start))
+    Console().print(_summary(options, recipe, seconds=time.monotonic() - start))
     return 0
 
 
@@ -139,11 +146,11 @@ class _Stages:
         self._bars.update(task, completed=done, rate=rate)  # type: ignore[arg-type]
 
 
-def _summary(options: Options, *, seconds: float) -> Table:
+def _summary(options: Options, recipe: Recipe, *, seconds: float) -> Table:
     """Return what was made as a small table."""
     from echoscape.sim.oxford import read_odometry
 
-    out, recipe = options.out, options.recipe
+    out = options.out
     motion = read_odometry(out / "gt" / "radar_odometry.csv")
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
@@ -151,7 +158,7 @@ def _summary(options: Options, *, seconds: float) -> Table:
     table.add_column(overflow="fold")
     for name, value in (
         ("folder", str(out)),
-        ("world", f"{recipe.preset}, seed {recipe.seed}"),
+        ("world", f"{recipe.preset if recipe.scene is None else recipe.scene.file}, seed {recipe.seed}"),
         ("scans", f"{recipe.scans} of {recipe.sensor.azimuths} x {recipe.sensor.bins} cells, with truth"),
         ("driven", f"{sum((row.x**2 + row.y**2) ** 0.5 for row in motion):.1f} m"),
         ("size", f"{size / 1e6:.0f} MB"),

@@ -16,7 +16,9 @@ from pathlib import Path
 from typing import cast
 
 from echoscape.scenes.drive import Drive
+from echoscape.scenes.own_drive import OwnDrive
 from echoscape.scenes.world import Mover, Town
+from echoscape.sim.beat_files import write_beat
 from echoscape.sim.oxford import write_png
 from echoscape.sim.recipe import Recipe
 from echoscape.sim.truth_files import write_truth
@@ -32,7 +34,7 @@ class Scenery:
     """The world that a dataset's scans see: a town, the car's drive, and everybody who moves."""
 
     town: Town
-    drive: Drive
+    drive: Drive | OwnDrive
     movers: tuple[Mover, ...]
 
 
@@ -67,10 +69,15 @@ def make_scans(
         report(index + 1)
 
 
-def whole_scans(out: Path) -> set[int]:
-    """Return the time stamps of the scans in `out` that have both their picture and their truth."""
-    pictures, truths = ({path.stem for path in (out / name).iterdir()} for name in ("radar", "truth"))
-    return {int(stem) for stem in pictures & truths if stem.isdecimal()}
+def scan_folders(recipe: Recipe) -> tuple[str, ...]:
+    """Return the folders that hold a file of every scan."""
+    return ("radar", "truth", "beat") if recipe.keep_beat else ("radar", "truth")
+
+
+def whole_scans(out: Path, recipe: Recipe) -> set[int]:
+    """Return the time stamps of the scans in `out` of which no file is missing."""
+    stems = [{path.stem for path in (out / name).iterdir()} for name in scan_folders(recipe)]
+    return {int(stem) for stem in set.intersection(*stems) if stem.isdecimal()}
 
 
 class ScanMaker:
@@ -86,7 +93,7 @@ class ScanMaker:
 
         if threads is not None:
             set_threads(threads)
-        self._out = out
+        self._out, self._recipe = out, recipe
         self._simulator = Simulator(
             scenery.town,
             scenery.drive,
@@ -103,14 +110,16 @@ class ScanMaker:
 
         stamp = EPOCH_US + round(self._simulator.turn(index).start_s * 1e6)
         picture = self._out / "radar" / f"{stamp}.png"
-        if stamp in whole_scans(self._out):
+        if stamp in whole_scans(self._out, self._recipe):
             return
-        scan = self._simulator.scan(index)
+        scan = self._simulator.scan(index, keep_beat=self._recipe.keep_beat)
         if scan.truth is None or int(scan.timestamp_us[0]) != stamp:
             raise CrewError(
                 f"scan {index} has no truth, or begins at {scan.timestamp_us[0]} us instead of {stamp}"
             )
         write_truth(self._out / "truth" / f"{stamp}.npz", scan.truth)
+        if scan.beat is not None:
+            write_beat(self._out / "beat" / f"{stamp}.npz", scan.beat)
         write_png(picture, scan)
 
 

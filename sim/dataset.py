@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from echoscape.scenes.drive import plan_drive
+from echoscape.scenes.drive import Drive
 from echoscape.scenes.export import town_to_glb
-from echoscape.scenes.town import build_town
 from echoscape.scenes.traffic import plan_traffic
-from echoscape.sim.crew import Scenery, make_scans, whole_scans
+from echoscape.sim.crew import Scenery, make_scans, scan_folders, whole_scans
 from echoscape.sim.manifest import FILE_NAME, difference, manifest, manifest_text, read_manifest
 from echoscape.sim.oxford import OdometryRow, relative_pose, write_odometry, write_timestamps
 from echoscape.sim.recipe import Recipe
+from echoscape.sim.stage import staged
 from echoscape.sim.tracks import movers_csv, tracks_csv
 from echoscape.sim.truth_files import read_arrays
 from echoscape.sim.whole_files import DatasetError, remove_temporaries, write_whole
@@ -26,7 +26,6 @@ from echoscape.sim.whole_files import DatasetError, remove_temporaries, write_wh
 Progress = Callable[[str, int, int], None]
 """Called with a stage (town, traffic, scene, scans), how much of it is done, and how much there is to do."""
 
-FOLDERS = ("radar", "truth", "gt")
 SCENERY_FILES = ("scene.glb", "movers.csv", "tracks.csv")
 
 
@@ -47,6 +46,8 @@ def write_dataset(
     Raises:
         ValueError: workers or threads is below 1.
         DatasetError: `out` is not empty, or holds another recipe's dataset.
+        SceneError: the mesh of a scene of one's own is broken, something stands in the drive's way, or the
+            drive is shorter than the scans.
         OSError: `out` cannot be written to.
         CrewError: a worker died or failed; what was made is kept and can be resumed.
     """
@@ -55,7 +56,7 @@ def write_dataset(
     made = _make_folder(out)
     try:
         _claim(out, recipe)
-        missing = recipe.scans - len(whole_scans(out))
+        missing = recipe.scans - len(whole_scans(out, recipe))
         lacking = missing or not all((out / name).exists() for name in SCENERY_FILES)
         scenery = _scenery(recipe, report) if lacking else None
         if scenery is not None:
@@ -120,27 +121,29 @@ def _claim(out: Path, recipe: Recipe) -> None:
         if differing is not None:
             raise DatasetError(f"OUT holds another dataset, which --resume cannot continue: {differing}")
     remove_temporaries(out)
-    for name in FOLDERS:
+    for name in (*scan_folders(recipe), "gt"):
         (out / name).mkdir(exist_ok=True)
     write_whole(out / FILE_NAME, manifest_text(content).encode())
 
 
 def _scenery(recipe: Recipe, report: Progress) -> Scenery:
-    """Build the town, plan the drive and the traffic."""
+    """Build the world and its drive, and plan the traffic where there are roads for it."""
     report("town", 0, 1)
-    town = build_town(recipe.preset, seed=recipe.seed)
+    stage = staged(recipe)
     report("town", 1, 1)
     report("traffic", 0, 1)
-    drive = plan_drive(town, seed=recipe.seed, duration_s=recipe.duration_s, settings=recipe.drive)
-    movers = plan_traffic(town, drive, seed=recipe.seed, settings=recipe.traffic)
+    movers = ()
+    if isinstance(stage.drive, Drive):
+        movers = plan_traffic(stage.town, stage.drive, seed=recipe.seed, settings=recipe.traffic)
     report("traffic", 1, 1)
-    return Scenery(town=town, drive=drive, movers=movers)
+    return Scenery(town=stage.town, drive=stage.drive, movers=movers)
 
 
 def _write_scenery(out: Path, recipe: Recipe, scenery: Scenery, report: Progress) -> None:
     """Write the town for viewers and the movers' tracks, unless a stopped run has."""
     report("scene", 0, 1)
-    times = np.arange(0.0, recipe.duration_s, 1 / recipe.sensor.rotation_hz)
+    driven_s = min(recipe.duration_s, scenery.drive.duration_s)
+    times = np.arange(0.0, driven_s, 1 / recipe.sensor.rotation_hz)
     contents: dict[str, Callable[[], bytes]] = {
         "scene.glb": lambda: town_to_glb(scenery.town),
         "movers.csv": lambda: movers_csv(scenery.movers).encode(),

@@ -32,13 +32,21 @@ def manifest(recipe: Recipe) -> dict[str, Any]:
 
     content = {
         "format": FORMAT,
-        "recipe": asdict(recipe),
+        "recipe": _told(recipe),
         "versions": _versions(),
         "classes": list(CLASSES),
         "components": [component.name.lower() for component in Component],
         "materials": list(MATERIALS),
     }
     return json.loads(manifest_text(content))  # as it will be read: lists for tuples
+
+
+def _told(recipe: Recipe) -> dict[str, Any]:
+    """Return the recipe as a dictionary, without the place of a scene's files on this machine."""
+    content = asdict(recipe)
+    if recipe.scene is not None:
+        del content["scene"]["folder"]
+    return content
 
 
 def manifest_text(content: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""What a dataset is made from: a preset, a seed, a number of scans, and every setting of what makes them.
+"""What a dataset is made from: a world, a seed, a number of scans, and every setting of what makes them.
 
 A recipe is checked when it is made, so that nothing senseless gets as far as a file or a ray.
 """
@@ -8,12 +8,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 
 from echoscape.scenes.drive import DURATION_RANGE_S, DriveSettings
+from echoscape.scenes.own_scene import OwnScene
 from echoscape.scenes.presets import PRESETS
+from echoscape.scenes.target_files import AnyTarget
 from echoscape.scenes.traffic import TrafficSettings
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.trace_settings import TraceSettings
+
+DEFAULT_PRESET = "town"
+OWN = "own"
+"""What the preset is called where the scene is one's own."""
 
 _JITTERS = 2.5
 """Standard deviations beyond which no turn's duration is drawn (sim.motion.turns)."""
@@ -25,12 +31,14 @@ _POSITIVE = ("traffic.near_m", "traffic.step_s", "drive.knot_s", "drive.corner_m
 class Recipe:
     """All that decides the bytes of a dataset."""
 
-    preset: str = "town"
-    """Kind of world: town, suburb, industrial, motorway, open or empty."""
+    preset: str = ""
+    """Kind of world: town (where nothing is said), suburb, industrial, motorway, open or empty."""
     seed: int = 0
     """Seed of everything that is drawn: the town, the drive, the traffic, rays, speckle and noise."""
     scans: int = 40
     """Scans to make, four a second of driving."""
+    keep_beat: bool = False
+    """Keep the sampled beat signal of every scan in OUT/beat, for processing of one's own."""
     sensor: Sensor = CTS350X
     """The radar."""
     trace: TraceSettings = field(default_factory=TraceSettings)
@@ -41,10 +49,18 @@ class Recipe:
     """How the car is driven."""
     traffic: TrafficSettings = field(default_factory=TrafficSettings)
     """Who else is on the road."""
+    scene: OwnScene | None = None
+    """A scene of one's own in the place of a preset, see `scenes.own_scene`; preset is then "own"."""
+    targets: tuple[AnyTarget, ...] = ()
+    """Test targets put into the world besides those that the scene brings, see `scenes.targets`."""
 
     def __post_init__(self) -> None:
-        """Refuse settings that make no dataset, naming the setting."""
-        if self.preset not in PRESETS:
+        """Name the world where nothing was said; refuse settings that make no dataset, naming the setting."""
+        if self.preset in ("", OWN) and (self.scene is not None or not self.preset):
+            object.__setattr__(self, "preset", DEFAULT_PRESET if self.scene is None else OWN)
+        elif self.scene is not None:
+            raise ValueError(f"preset must not be given beside a scene, got {self.preset!r}")
+        if self.scene is None and self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
         if self.seed < 0:
             raise ValueError(f"seed must be 0 or more, got {self.seed}")
@@ -66,8 +82,12 @@ class Recipe:
     @property
     def duration_s(self) -> float:
         """Length of a drive that outlasts the scans [s], however long their turns turn out."""
-        longest_turn_s = 1 / self.sensor.rotation_hz + _JITTERS * self.sensor.rotation_jitter_s
-        return 1.0 + self.scans * longest_turn_s
+        return 1.0 + self.scans * self.longest_turn_s
+
+    @property
+    def longest_turn_s(self) -> float:
+        """The longest that a turn can last [s]."""
+        return 1 / self.sensor.rotation_hz + _JITTERS * self.sensor.rotation_jitter_s
 
 
 def _numbers(name: str, settings: object) -> Iterator[tuple[str, float]]:

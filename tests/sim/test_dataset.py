@@ -15,7 +15,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from echoscape.scenes.traffic import TrafficSettings
-from echoscape.sim import dataset
+from echoscape.sim import stage
 from echoscape.sim.crew import CrewError
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.dataset import write_dataset
@@ -207,7 +207,7 @@ def test_nothing_is_left_when_the_first_step_fails(
     def fail(*arguments: object, **settings: object) -> None:
         raise ArithmeticError("no town")
 
-    monkeypatch.setattr(dataset, "build_town", fail)
+    monkeypatch.setattr(stage, "build_town", fail)
     out = tmp_path / "a" / "b"
     if there:
         out.mkdir(parents=True)
@@ -261,7 +261,7 @@ def test_failed_start_leaves_other_peoples_datasets_alone(
         neighbour.write_text("a day's work")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(dataset, "build_town", build)
+    monkeypatch.setattr(stage, "build_town", build)
     with pytest.raises(KeyboardInterrupt):
         write_dataset(tmp_path / "sets" / "mine", RECIPE)
     assert neighbour.read_text() == "a day's work"

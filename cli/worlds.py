@@ -1,0 +1,45 @@
+"""The world that a command is told of: flags of a recipe, a scene of one's own, test targets.
+
+Scenes and targets come as TOML files, whose contents go into the recipe.
+"""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from echoscape.scenes.own_scene import OwnScene, read_own_scene
+from echoscape.scenes.target_files import AnyTarget, read_targets
+from echoscape.sim.recipe import DEFAULT_PRESET, Recipe
+
+Preset = Annotated[str, tyro.conf.arg(help_behavior_hint=f"(default: {DEFAULT_PRESET})")]
+"""A preset as a flag, empty where nothing is said."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecipeFlags(Recipe):
+    """A recipe as flags; what comes from files is no flag."""
+
+    preset: Preset = ""
+    """Kind of world: town, suburb, industrial, motorway, open or empty."""
+    scene: tyro.conf.Suppress[tyro.conf.Fixed[OwnScene | None]] = None
+    """Comes from a file."""
+    targets: tyro.conf.Suppress[tyro.conf.Fixed[tuple[AnyTarget, ...]]] = ()
+    """Come from a file."""
+
+    def __post_init__(self) -> None:
+        """Leave the checks to the recipe that is made of the flags and the files."""
+
+
+def recipe_of(flags: Recipe, *, scene: Path | None, targets: Path | None) -> Recipe:
+    """Return the recipe that flags and files make.
+
+    Raises:
+        ValueError: the settings make no dataset.
+        SceneError: a file cannot be read, or describes no scene or no targets.
+    """
+    settings: dict[str, Any] = {each.name: getattr(flags, each.name) for each in fields(Recipe)}
+    settings["scene"] = None if scene is None else read_own_scene(scene)
+    settings["targets"] = () if targets is None else read_targets(targets)
+    return Recipe(**settings)
