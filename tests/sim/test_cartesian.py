@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from echoscape.sim.cartesian import nearest_cells, polar_to_cartesian
+from echoscape.sim.cartesian import cartesian_to_polar, nearest_cells, polar_to_cartesian
 
 AZIMUTHS, BINS, BIN_M = 400, 200, 0.5
 
@@ -73,3 +75,80 @@ def test_senseless_arguments_are_refused_by_name(argument: dict[str, Any]) -> No
     good = {"codes": np.zeros((4, 4)), "bin_m": 1.0, "pixel_m": 1.0, "size": 3} | argument
     with pytest.raises(ValueError, match=next(iter(argument))):
         polar_to_cartesian(good["codes"], good["bin_m"], pixel_m=good["pixel_m"], size=good["size"])
+
+
+@pytest.mark.parametrize("size", [101, 100])
+@pytest.mark.parametrize(
+    ("row", "ahead", "right"), [(0, 20, 0), (100, 0, 20), (200, -20, 0), (300, 0, -20), (50, 15, 15)]
+)
+def test_known_pixels_land_in_known_cells(size: int, row: int, ahead: int, right: int) -> None:
+    # A blot of 3 x 3 pixels of 0.5 m about a point; row 100 of 400 looks right, bin k is at (k + 1/2) 0.1 m.
+    picture = np.zeros((size, size))
+    middle = (size - 1) / 2
+    down, across = round(middle - ahead), round(middle + right)
+    picture[down - 1 : down + 2, across - 1 : across + 2] = 1
+    scan = cartesian_to_polar(picture, pixel_m=0.5, azimuths=400, bins=200, bin_m=0.1)
+    place = np.array([middle - down, across - middle]) * 0.5
+    azimuth, distance = np.indices(scan.shape) * np.array([[[2 * math.pi / 400]], [[0.1]]])
+    distance = distance + 0.05
+    weight = scan * distance  # a cell's area grows with its distance
+    found = [(weight * distance * turn(azimuth)).sum() / weight.sum() for turn in (np.cos, np.sin)]
+    assert_allclose(found, place, atol=0.01)
+    assert abs((np.average(row_of(scan), weights=scan.sum(axis=1)) - row + 200) % 400 - 200) < 3
+
+
+def row_of(scan: np.ndarray) -> np.ndarray:
+    """Rows of a scan, those behind the middle of the first quarter counted on below 0 where it is loud."""
+    rows = np.arange(len(scan))
+    return np.where((rows > 300) & (scan[0].sum() > 0), rows - len(scan), rows)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.integers(60, 400),
+    st.integers(40, 120),
+    st.floats(0.1, 1.5),
+    st.floats(0.3, 1.0),
+    st.tuples(*[st.floats(-1, 1) for _ in range(3)]),
+)
+def test_smooth_scans_come_back_from_pictures(
+    azimuths: int, bins: int, bin_m: float, fineness: float, slope: tuple[float, float, float]
+) -> None:
+    # Linear interpolation keeps a plane in the picture exactly; on the way there, a cell's curvature at most.
+    reach, (a, b, c) = bins * bin_m, slope
+    azimuth = np.arange(azimuths)[:, None] * 2 * math.pi / azimuths
+    distance = (np.arange(bins) + 0.5) * bin_m
+    plane = c + (a * np.cos(azimuth) + b * np.sin(azimuth)) * distance / reach
+    pixel_m = fineness * bin_m
+    size = 2 * math.ceil(reach / pixel_m) + 3
+    picture = polar_to_cartesian(plane, bin_m, pixel_m=pixel_m, size=size)
+    back = cartesian_to_polar(picture, pixel_m=pixel_m, azimuths=azimuths, bins=bins, bin_m=bin_m)
+    inner = slice(2, bins - 3)  # within a pixel of the scan's last bin the picture ends
+    curvature = (2 * math.pi / azimuths) ** 2 / 8 * (abs(a) + abs(b))
+    assert_allclose(back[:, inner], plane[:, inner], atol=curvature + 1e-5)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(2, 60), st.integers(2, 60), st.integers(1, 50), st.integers(1, 50), st.floats(0.05, 3))
+def test_planes_in_pictures_are_kept_exactly_and_what_lies_outside_is_zero(
+    height: int, width: int, azimuths: int, bins: int, bin_m: float
+) -> None:
+    down, right = np.indices((height, width))
+    picture = 100 + ((height - 1) / 2 - down) * 0.7 - (right - (width - 1) / 2) * 0.3
+    scan = cartesian_to_polar(picture, pixel_m=0.4, azimuths=azimuths, bins=bins, bin_m=bin_m)
+    azimuth = np.arange(azimuths)[:, None] * 2 * math.pi / azimuths
+    ahead, across = (turn(azimuth) * (np.arange(bins) + 0.5) * bin_m / 0.4 for turn in (np.cos, np.sin))
+    inside = (np.abs(ahead) <= (height - 1) / 2 - 1e-6) & (np.abs(across) <= (width - 1) / 2 - 1e-6)
+    outside = (np.abs(ahead) > (height - 1) / 2 + 1e-6) | (np.abs(across) > (width - 1) / 2 + 1e-6)
+    assert_allclose(scan[inside], (100 + 0.7 * ahead - 0.3 * across)[inside], rtol=1e-5)
+    assert (scan[outside] == 0).all()
+
+
+@pytest.mark.parametrize(
+    "argument",
+    [{"pixel_m": 0.0}, {"azimuths": 0}, {"bins": -1}, {"bin_m": math.inf}, {"picture": np.zeros((0, 3))}],
+)
+def test_senseless_arguments_of_the_way_back_are_refused_by_name(argument: dict[str, Any]) -> None:
+    good = {"picture": np.zeros((4, 4)), "pixel_m": 1.0, "azimuths": 4, "bins": 4, "bin_m": 1.0} | argument
+    with pytest.raises(ValueError, match=next(iter(argument))):
+        cartesian_to_polar(good.pop("picture"), **good)
