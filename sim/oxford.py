@@ -1,27 +1,24 @@
-"""The files of the Oxford Radar RobotCar data set: scans as PNG, their times, and the motion between them.
+"""The folder of the Oxford Radar RobotCar data set: its scans, their times, and the motion between them.
 
 Barnes et al., "The Oxford Radar RobotCar Dataset", ICRA 2020, and the files and loaders published with it.
 docs/conventions.md says how its axes and times relate to ours.
 """
 
 import csv
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
-from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.polar_scan import PolarScan
+from echoscape.sim.layout import Layout, ScanRecord
+from echoscape.sim.scan_png import read_png as read_png
+from echoscape.sim.scan_png import write_png as write_png
 from echoscape.sim.sensor import Sensor
-from echoscape.sim.whole_files import DatasetError, write_whole
-
-HEADER_COLUMNS = 11
-"""Columns before the first range bin: 8 of time stamp, 2 of encoder, 1 of validity."""
+from echoscape.sim.whole_files import DatasetError, read_text, write_whole
 
 ODOMETRY_HEADER = (
     "source_timestamp",
@@ -35,67 +32,6 @@ ODOMETRY_HEADER = (
     "source_radar_timestamp",
     "destination_radar_timestamp",
 )
-
-_VALID = 255
-_RUN_LENGTHS = 3
-"""zlib's Z_RLE: twice as fast as the default on scans, smaller, and the same bytes on every processor."""
-
-
-# ---------------------------------------------------------------------- scans
-
-
-def png_bytes(scan: PolarScan) -> bytes:
-    """Return a scan as the 8-bit grey PNG that the sensor's driver writes, (azimuths, 11 + bins)."""
-    azimuths, bins = scan.codes.shape
-    image = np.empty((azimuths, HEADER_COLUMNS + bins), np.uint8)
-    image[:, :8] = scan.timestamp_us.astype("<i8").view(np.uint8).reshape(azimuths, 8)
-    image[:, 8:10] = scan.encoder.astype("<u2").view(np.uint8).reshape(azimuths, 2)
-    image[:, 10] = np.where(scan.valid, _VALID, 0)
-    image[:, HEADER_COLUMNS:] = scan.codes
-    data = io.BytesIO()
-    Image.fromarray(image).save(data, "png", compress_level=6, compress_type=_RUN_LENGTHS)
-    return data.getvalue()
-
-
-def write_png(path: Path, scan: PolarScan) -> None:
-    """Write a scan to `path`, whole or not at all."""
-    write_whole(path, png_bytes(scan))
-
-
-def read_png(path: Path, *, sensor: Sensor = CTS350X) -> PolarScan:
-    """Read the scan in `path`; its rows, bins and bin size are those of `sensor`. It has no truth.
-
-    Raises:
-        DatasetError: the file is absent, cut short, or no scan of this sensor; the message names it.
-    """
-    image = _grey_pixels(Path(path))
-    expected = (sensor.azimuths, HEADER_COLUMNS + sensor.bins)
-    if image.shape != expected:
-        raise DatasetError(
-            f"{path}: a scan of {sensor.name} has {expected[0]} rows and {expected[1]} columns "
-            f"({HEADER_COLUMNS} + {sensor.bins} bins), this file has {image.shape[0]} and {image.shape[1]}"
-        )
-    return PolarScan(
-        codes=image[:, HEADER_COLUMNS:].copy(),
-        timestamp_us=image[:, :8].copy().view("<i8")[:, 0].astype(np.int64),
-        encoder=image[:, 8:10].copy().view("<u2")[:, 0].astype(np.uint16),
-        valid=image[:, 10] == _VALID,
-        bin_m=sensor.bin_m,
-    )
-
-
-def _grey_pixels(path: Path) -> NDArray[np.uint8]:
-    """Return the pixels (rows, columns) of an 8-bit grey PNG."""
-    if not path.is_file():
-        raise DatasetError(f"{path}: no such scan")
-    try:
-        with Image.open(path, formats=["PNG"]) as image:
-            if image.mode != "L":
-                raise DatasetError(f"{path}: a scan is an 8-bit grey PNG, this one has mode {image.mode}")
-            return np.asarray(image)
-    except (OSError, SyntaxError) as error:
-        raise DatasetError(f"{path}: not a whole PNG file ({error})") from error
-
 
 # ---------------------------------------------------------------------- time stamps
 
@@ -112,19 +48,12 @@ def read_timestamps(path: Path) -> list[int]:
         DatasetError: the file is absent or a line of it is no `<timestamp> <valid>`; the message names both.
     """
     stamps = []
-    for number, line in enumerate(_text(path).splitlines(), 1):
+    for number, line in enumerate(read_text(path).splitlines(), 1):
         words = line.split()
         if len(words) != 2 or not all(word.isdecimal() for word in words):
             raise DatasetError(f"{path}: line {number} is no '<timestamp> <valid>': {line!r}")
         stamps.append(int(words[0]))
     return stamps
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path}: cannot be read ({error})") from error
 
 
 # ---------------------------------------------------------------------- the motion between scans
@@ -180,7 +109,7 @@ def read_odometry(path: Path) -> list[OdometryRow]:
     Raises:
         DatasetError: the file is absent, has another header, or a row is no motion; the message names both.
     """
-    lines = list(csv.reader(_text(path).splitlines()))
+    lines = list(csv.reader(read_text(path).splitlines()))
     if not lines or tuple(lines[0]) != ODOMETRY_HEADER:
         raise DatasetError(f"{path}: the header is not {','.join(ODOMETRY_HEADER)}")
     rows = []
@@ -206,3 +135,62 @@ def read_odometry(path: Path) -> list[OdometryRow]:
             )
         )
     return rows
+
+
+# ---------------------------------------------------------------------- the folder
+
+
+class Oxford(Layout):
+    """`radar/<time of the first row, us>.png`, `radar.timestamps`, `gt/radar_odometry.csv`."""
+
+    name = "oxford"
+    scans_folders = ("radar",)
+    other_folders = ("gt",)
+
+    def stem(self, row_us: NDArray[np.int64]) -> str:
+        """Return the time of the first row [us]."""
+        return str(row_us[0])
+
+    def write_motion(self, folder: Path, records: Sequence[ScanRecord], sensor: Sensor) -> None:
+        """Write `radar.timestamps` and the odometry from scan to scan."""
+        rows = [_odometry_row(*pair) for pair in pairwise(records)]
+        write_odometry(folder / "gt" / "radar_odometry.csv", rows)
+        write_timestamps(folder / "radar.timestamps", [int(record.stem) for record in records])
+
+    def read_poses(self, folder: Path, stems: Sequence[str], sensor: Sensor) -> NDArray[np.float64] | None:
+        """Chain the odometry: poses (N, 4) in a world in which the first scan that has any stands at 0."""
+        path = folder / "gt" / "radar_odometry.csv"
+        if not path.is_file():
+            return None
+        rows = {(str(row.destination_radar_us), str(row.source_radar_us)): row for row in read_odometry(path)}
+        poses = np.full((len(stems), 4), np.nan)
+        for i, pair in enumerate(pairwise(stems)):
+            if pair in rows:
+                if i == 0:
+                    poses[0] = 0.0
+                poses[i + 1] = _moved(poses[i], rows[pair])
+        return poses
+
+
+def _odometry_row(earlier: ScanRecord, later: ScanRecord) -> OdometryRow:
+    """Return the motion from one scan to the next."""
+    x, y, z, yaw = relative_pose(earlier.middle_pose, later.middle_pose)
+    return OdometryRow(
+        source_us=later.middle_us,
+        destination_us=earlier.middle_us,
+        x=x,
+        y=y,
+        z=z,
+        roll=0.0,
+        pitch=0.0,
+        yaw=yaw,
+        source_radar_us=int(later.stem),
+        destination_radar_us=int(earlier.stem),
+    )
+
+
+def _moved(pose: NDArray[np.float64], row: OdometryRow) -> NDArray[np.float64]:
+    """Return the pose (4,) after the motion `row` from `pose`: the inverse of `relative_pose`."""
+    cosine, sine = math.cos(pose[3]), math.sin(pose[3])
+    step = (cosine * row.x + sine * row.y, sine * row.x - cosine * row.y, -row.z, -row.yaw)
+    return pose + np.array(step)

@@ -5,6 +5,8 @@ that carries the radar is instance 0 in tracks.csv.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 from echoscape.scenes.trajectory import Trajectory
 from echoscape.scenes.world import Mover
 from echoscape.sim.polar_scan import EPOCH_US
+from echoscape.sim.whole_files import DatasetError, read_text
 
 MOVER_COLUMNS = "instance,class,prototype,length_m,width_m,height_m"
 TRACK_COLUMNS = "timestamp_us,instance,x_m,y_m,z_m,yaw_rad,vx_mps,vy_mps,yaw_rate_rps"
@@ -44,3 +47,40 @@ def tracks_csv(car: Trajectory, movers: Sequence[Mover], times_s: NDArray[np.flo
             rate = ",".join(f"{value:.4f}" for value in rates)
             lines.append(f"{stamp},{instance},{x:.3f},{y:.3f},{z:.3f},{yaw:.4f},{rate}")
     return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarTrack:
+    """The car's velocity as tracks.csv has it.
+
+    time_us (T,) int64 [us]; rate (T, 3): vx, vy [m/s] in the world and yaw rate [rad/s], counter-clockwise.
+    """
+
+    time_us: NDArray[np.int64]
+    rate: NDArray[np.float64]
+
+    def velocity(self, stamps_us: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return vx, vy [m/s] and yaw rate [rad/s] (N, 3) at `stamps_us` (N,), linear between the rows."""
+        clock = (self.time_us - self.time_us[0]).astype(np.float64)
+        ask = (stamps_us - self.time_us[0]).astype(np.float64)
+        return np.stack([np.interp(ask, clock, column) for column in self.rate.T], axis=1)
+
+
+def read_car_track(path: Path) -> CarTrack:
+    """Read the car's rows (instance 0) of a tracks.csv.
+
+    Raises:
+        DatasetError: the file is absent, has another header, or has no sensible row of the car.
+    """
+    lines = read_text(path).splitlines()
+    if not lines or lines[0] != TRACK_COLUMNS:
+        raise DatasetError(f"{path}: the header is not {TRACK_COLUMNS}")
+    rows = [words for words in (line.split(",") for line in lines[1:]) if words[1:2] == ["0"]]
+    if not rows:
+        raise DatasetError(f"{path}: no row of the car, instance 0")
+    try:
+        times = np.array([int(words[0]) for words in rows], np.int64)
+        rates = np.array([[float(word) for word in words[6:9]] for words in rows]).reshape(-1, 3)
+    except ValueError as error:
+        raise DatasetError(f"{path}: a row of the car is no row of a track ({error})") from error
+    return CarTrack(time_us=times, rate=rates)

@@ -28,6 +28,18 @@ def write_whole(path: Path, data: bytes) -> None:
         raise
 
 
+def read_text(path: Path) -> str:
+    """Return the text of a file.
+
+    Raises:
+        DatasetError: it is absent or no text; the message names it.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DatasetError(f"{path}: cannot be read ({error})") from error
+
+
 def temporary_beside(path: Path) -> Path:
     """Return the name under which this process prepares `path`."""
     return path.with_name(f".{path.name}.{os.getpid()}{_SUFFIX}")
