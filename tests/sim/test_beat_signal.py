@@ -55,7 +55,7 @@ def tones(range_m: float, power_w: float) -> tuple[NDArray, NDArray]:
 
 
 def full_scale_w() -> float:
-    """The power of a sine that fills the converter: it is written as `full_scale_db` above the noise's unit."""
+    """The power of a sine that fills the converter: it is written `full_scale_db` above one unit."""
     hann = windows.hann(SENSOR.samples, sym=False)
     units_per_w = hann.sum() ** 2 / 2 * SENSOR.noise_units / (SENSOR.thermal_noise_w * (hann**2).sum())
     return 10 ** (SENSOR.full_scale_db / 10) / units_per_w
