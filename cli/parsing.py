@@ -21,18 +21,22 @@ class ArgumentsError(ValueError):
     """The arguments make no settings; the message is one line that names the argument."""
 
 
-def parsed(kind: type[Settings], *, prog: str, arguments: Sequence[str]) -> Settings:
+def parsed(
+    kind: type[Settings], *, prog: str, arguments: Sequence[str], default: Settings | None = None
+) -> Settings:
     """Return the settings that `arguments` describe; help is printed and leaves the program.
+
+    What is not said is as in `default`, where that is given.
 
     Raises:
         ArgumentsError: an argument is unknown, unreadable or refused by the settings.
     """
     if {"-h", "--help"} & set(arguments):
-        return tyro.cli(kind, prog=prog, args=list(arguments))
+        return tyro.cli(kind, prog=prog, args=list(arguments), default=default)
     told = io.StringIO()
     try:
         with redirect_stderr(told), patch.dict(os.environ, _WIDE):
-            return tyro.cli(kind, prog=prog, args=list(arguments))
+            return tyro.cli(kind, prog=prog, args=list(arguments), default=default)
     except SystemExit as leaving:
         if not leaving.code:
             raise
@@ -51,3 +55,14 @@ def _first_sentence(box: str) -> str:
     sentence = " ".join(_FRAME.sub("", line) for line in (lines[: ends[0]] if ends else lines))
     sentence = re.sub(r"^Error parsing (?:recipe\.)?(\w+(?:\.\w+)*): (\w+ must )", r"\1.\2", sentence)
     return sentence.removeprefix("Error parsing ")
+
+
+def said(option: str, arguments: Sequence[str]) -> str | None:
+    """Return the value that `--option VALUE` or `--option=VALUE` has in `arguments`, the last one said."""
+    value = None
+    for word, following in zip(arguments, [*arguments[1:], None], strict=True):
+        if word == option and following is not None:
+            value = following
+        elif word.startswith(f"{option}="):
+            value = word.partition("=")[2]
+    return value

@@ -10,12 +10,14 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from echoscape.cli.parsing import parsed
+from echoscape.cli.parsing import ArgumentsError, parsed, said
+from echoscape.cli.stages import Stages
 from echoscape.cli.worlds import RecipeFlags, recipe_of
+from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.recipe import Recipe
+from echoscape.sim.sensors import sensor_from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +28,9 @@ class Options:
     """Folder to write; it must be empty or new."""
     recipe: Annotated[RecipeFlags, tyro.conf.arg(name="")] = field(default_factory=RecipeFlags)
     """What to make."""
+    radar: str = CTS350X.name
+    """The radar: cts350x (Oxford), cir204 (MulRan), cir304 (Boreas), cir304_rt (Boreas-RT), or a TOML file;
+    its keys: docs/sensors.md. --sensor.* change single numbers of it."""
     scene: Path | None = None
     """TOML file of a scene of one's own, in the place of a preset; its keys: docs/scenes.md."""
     targets: Path | None = None
@@ -45,7 +50,8 @@ def main(arguments: Sequence[str]) -> int:
     from echoscape.sim.whole_files import DatasetError
 
     try:
-        options = parsed(Options, prog="echoscape simulate", arguments=arguments)
+        default = _defaults(arguments)
+        options = parsed(Options, prog="echoscape simulate", arguments=arguments, default=default)
         recipe = recipe_of(options.recipe, scene=options.scene, targets=options.targets)
         _check(options)
     except (DatasetError, ValueError) as error:
@@ -53,6 +59,20 @@ def main(arguments: Sequence[str]) -> int:
     except OSError as error:
         return _refused(f"OUT: {error.strerror}", 2)
     return _simulate(options, recipe)
+
+
+def _defaults(arguments: Sequence[str]) -> Options:
+    """Return the options where nothing more is said than --radar, which decides the sensor's numbers.
+
+    Raises:
+        ArgumentsError: there is no such radar.
+    """
+    radar = said("--radar", arguments) or CTS350X.name
+    try:
+        sensor = sensor_from(radar)
+    except ValueError as error:
+        raise ArgumentsError(f"--radar: {error}") from error
+    return Options(out=tyro.MISSING, recipe=RecipeFlags(sensor=sensor), radar=radar)
 
 
 def _check(options: Options) -> None:
@@ -72,7 +92,7 @@ def _simulate(options: Options, recipe: Recipe) -> int:
     import_module("echoscape.sim.backend")  # a machine without what it needs is told before anything begins
     console, start = Console(stderr=True), time.monotonic()
     try:
-        with _Stages(console) as stages:
+        with Stages(console) as stages:
             write_dataset(
                 options.out,
                 recipe,
@@ -114,44 +134,13 @@ def _refused(message: str, code: int) -> int:
     return code
 
 
-class _Stages:
-    """A progress bar a stage, each shown when it begins."""
-
-    def __init__(self, console: Console) -> None:
-        self._bars = Progress(
-            TextColumn("{task.description:8}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("{task.fields[rate]}"),
-            console=console,
-        )
-        self._tasks: dict[str, tuple[int, float, int]] = {}
-
-    def __enter__(self) -> "_Stages":
-        self._bars.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._bars.stop()
-
-    def report(self, stage: str, done: int, total: int) -> None:
-        """Show that `done` of `total` of a stage are there."""
-        if stage not in self._tasks:
-            task = self._bars.add_task(stage, total=total, completed=done, rate="")
-            self._tasks[stage] = (int(task), time.monotonic(), done)
-        task, since, first = self._tasks[stage]
-        made, seconds = done - first, time.monotonic() - since
-        rate = f"{made / seconds:.2f}/s" if stage == "scans" and made > 0 and seconds > 0 else ""
-        self._bars.update(task, completed=done, rate=rate)  # type: ignore[arg-type]
-
-
 def _summary(options: Options, recipe: Recipe, *, seconds: float) -> Table:
     """Return what was made as a small table."""
-    from echoscape.sim.oxford import read_odometry
+    from echoscape.sim.folders import open_folder
 
     out = options.out
-    motion = read_odometry(out / "gt" / "radar_odometry.csv")
+    motion = open_folder(out).motion()
+    driven_m = 0.0 if motion is None else sum((x**2 + y**2) ** 0.5 for x, y, *_ in motion.tolist())
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     table.add_column()
@@ -160,7 +149,8 @@ def _summary(options: Options, recipe: Recipe, *, seconds: float) -> Table:
         ("folder", str(out)),
         ("world", f"{recipe.preset if recipe.scene is None else recipe.scene.file}, seed {recipe.seed}"),
         ("scans", f"{recipe.scans} of {recipe.sensor.azimuths} x {recipe.sensor.bins} cells, with truth"),
-        ("driven", f"{sum((row.x**2 + row.y**2) ** 0.5 for row in motion):.1f} m"),
+        ("radar", f"{recipe.sensor.name}, in the layout of {recipe.folder_layout.name}"),
+        ("driven", f"{driven_m:.1f} m"),
         ("size", f"{size / 1e6:.0f} MB"),
         ("took", f"{seconds:.1f} s"),
         *([("look at", str(out / "preview.png"))] if options.preview else []),

@@ -21,11 +21,11 @@ from PIL import Image
 
 from echoscape.eval.plan import Window, plan_picture
 from echoscape.sim.cartesian import nearest_cells, polar_to_cartesian
-from echoscape.sim.manifest import read_manifest, sensor_of
-from echoscape.sim.oxford import read_png, read_timestamps
+from echoscape.sim.folders import open_folder
+from echoscape.sim.manifest import read_manifest
 from echoscape.sim.polar_scan import PolarScan, ScanTruth
 from echoscape.sim.truth_files import read_arrays, read_truth
-from echoscape.sim.whole_files import DatasetError, write_whole
+from echoscape.sim.whole_files import write_whole
 
 PAGE, INK, FAINT, ACCENT = "#0d1014", "#e8ecf1", "#8b95a3", "#ffb454"
 REACH_M = 100.0
@@ -104,20 +104,17 @@ def small_copy(page: Path, to: Path) -> None:
 def read_frame(folder: Path, scan: int | None) -> Frame:
     """Read what a preview shows; for arguments and errors see `preview`."""
     content = read_manifest(folder)
-    stamps = read_timestamps(folder / "radar.timestamps")
-    if not stamps:
-        raise DatasetError(f"{folder / 'radar.timestamps'}: no scans")
-    number = len(stamps) // 2 if scan is None else scan
-    if not 0 <= number < len(stamps):
-        raise ValueError(f"scan must be between 0 and {len(stamps) - 1}, got {number}")
-    poses = [
-        read_arrays(folder / "truth" / f"{stamp}.npz", ("middle_pose",))["middle_pose"] for stamp in stamps
-    ]
+    scans = open_folder(folder)
+    number = len(scans) // 2 if scan is None else scan
+    if not 0 <= number < len(scans):
+        raise ValueError(f"scan must be between 0 and {len(scans) - 1}, got {number}")
+    truths = [folder / "truth" / f"{path.stem}.npz" for path in scans.paths]
+    poses = [read_arrays(truth, ("middle_pose",))["middle_pose"] for truth in truths]
     return Frame(
         folder=folder,
         manifest=content,
-        scan=read_png(folder / "radar" / f"{stamps[number]}.png", sensor=sensor_of(content)),
-        truth=read_truth(folder / "truth" / f"{stamps[number]}.npz"),
+        scan=scans.read(number),
+        truth=read_truth(truths[number]),
         number=number,
         path=np.array(poses),
     )
@@ -324,7 +321,9 @@ def _show_polar(axes: Axes, frame: Frame, picture: NDArray) -> None:
         picture, aspect="auto", extent=(0, bins * frame.scan.bin_m, 360, 0), interpolation="antialiased"
     )
     axes.set_yticks([0, 90, 180, 270, 360], ["0°", "90°", "180°", "270°", "360°"])
-    axes.set_xticks([0, 25, 50, 75, 100, 125, 150], ["0", "25", "50", "75", "100", "125", "150 m"])
+    reach_m = bins * frame.scan.bin_m
+    ticks = range(0, int(reach_m), 25 if reach_m < 225 else 50)
+    axes.set_xticks(ticks, [*map(str, ticks[:-1]), f"{ticks[-1]} m"])
     axes.tick_params(colors=FAINT, labelsize=9, length=0, pad=4)
 
 

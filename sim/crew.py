@@ -15,11 +15,12 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import cast
 
+import numpy as np
+
 from echoscape.scenes.drive import Drive
 from echoscape.scenes.own_drive import OwnDrive
 from echoscape.scenes.world import Mover, Town
 from echoscape.sim.beat_files import write_beat
-from echoscape.sim.oxford import write_png
 from echoscape.sim.recipe import Recipe
 from echoscape.sim.truth_files import write_truth
 from echoscape.sim.whole_files import remove_temporaries, temporary_beside
@@ -70,14 +71,15 @@ def make_scans(
 
 
 def scan_folders(recipe: Recipe) -> tuple[str, ...]:
-    """Return the folders that hold a file of every scan."""
-    return ("radar", "truth", "beat") if recipe.keep_beat else ("radar", "truth")
+    """Return the folders that hold a file of every scan, all of the same name; pictures come first."""
+    folders = (recipe.folder_layout.scans_folders[0], "truth")
+    return (*folders, "beat") if recipe.keep_beat else folders
 
 
-def whole_scans(out: Path, recipe: Recipe) -> set[int]:
-    """Return the time stamps of the scans in `out` of which no file is missing."""
+def whole_scans(out: Path, recipe: Recipe) -> set[str]:
+    """Return the names of the scans in `out` of which no file is missing."""
     stems = [{path.stem for path in (out / name).iterdir()} for name in scan_folders(recipe)]
-    return {int(stem) for stem in set.intersection(*stems) if stem.isdecimal()}
+    return {stem for stem in set.intersection(*stems) if stem.isdecimal()}
 
 
 class ScanMaker:
@@ -108,19 +110,19 @@ class ScanMaker:
         """Make scan `index` unless it is there; its picture is written last and so stands for all of it."""
         from echoscape.sim.polar_scan import EPOCH_US
 
-        stamp = EPOCH_US + round(self._simulator.turn(index).start_s * 1e6)
-        picture = self._out / "radar" / f"{stamp}.png"
-        if stamp in whole_scans(self._out, self._recipe):
+        layout, times_s = self._recipe.folder_layout, self._simulator.turn(index).times_s
+        stem = layout.stem(EPOCH_US + np.rint(times_s * 1e6).astype(np.int64))
+        if stem in whole_scans(self._out, self._recipe):
             return
         scan = self._simulator.scan(index, keep_beat=self._recipe.keep_beat)
-        if scan.truth is None or int(scan.timestamp_us[0]) != stamp:
+        if scan.truth is None or layout.stem(scan.timestamp_us) != stem:
             raise CrewError(
-                f"scan {index} has no truth, or begins at {scan.timestamp_us[0]} us instead of {stamp}"
+                f"scan {index} has no truth, or is named {layout.stem(scan.timestamp_us)} instead of {stem}"
             )
-        write_truth(self._out / "truth" / f"{stamp}.npz", scan.truth)
+        write_truth(self._out / "truth" / f"{stem}.npz", scan.truth)
         if scan.beat is not None:
-            write_beat(self._out / "beat" / f"{stamp}.npz", scan.beat)
-        write_png(picture, scan)
+            write_beat(self._out / "beat" / f"{stem}.npz", scan.beat)
+        layout.write_scan(layout.scan_path(self._out, stem), scan)
 
 
 class _Crew:

@@ -15,8 +15,8 @@ from echoscape.scenes.drive import Drive
 from echoscape.scenes.export import town_to_glb
 from echoscape.scenes.traffic import plan_traffic
 from echoscape.sim.crew import Scenery, make_scans, scan_folders, whole_scans
+from echoscape.sim.layout import ScanRecord
 from echoscape.sim.manifest import FILE_NAME, difference, manifest, manifest_text, read_manifest
-from echoscape.sim.oxford import OdometryRow, relative_pose, write_odometry, write_timestamps
 from echoscape.sim.recipe import Recipe
 from echoscape.sim.stage import staged
 from echoscape.sim.tracks import movers_csv, tracks_csv
@@ -121,8 +121,8 @@ def _claim(out: Path, recipe: Recipe) -> None:
         if differing is not None:
             raise DatasetError(f"OUT holds another dataset, which --resume cannot continue: {differing}")
     remove_temporaries(out)
-    for name in (*scan_folders(recipe), "gt"):
-        (out / name).mkdir(exist_ok=True)
+    for name in (*scan_folders(recipe), *recipe.folder_layout.other_folders):
+        (out / name).mkdir(parents=True, exist_ok=True)
     write_whole(out / FILE_NAME, manifest_text(content).encode())
 
 
@@ -157,26 +157,17 @@ def _write_scenery(out: Path, recipe: Recipe, scenery: Scenery, report: Progress
 
 def _write_motion(out: Path, recipe: Recipe) -> None:
     """Write the files that list scans, from the scans themselves."""
-    stamps = sorted(int(path.stem) for path in (out / "radar").glob("*.png"))
-    if len(stamps) != recipe.scans:
-        raise DatasetError(f"{out / 'radar'}: {len(stamps)} scans where {recipe.scans} should be")
-    frames = [read_arrays(out / "truth" / f"{stamp}.npz", ("middle_us", "middle_pose")) for stamp in stamps]
-    rows = []
-    for i in range(1, len(stamps)):
-        x, y, z, yaw = relative_pose(frames[i - 1]["middle_pose"], frames[i]["middle_pose"])
-        rows.append(
-            OdometryRow(
-                source_us=int(frames[i]["middle_us"]),
-                destination_us=int(frames[i - 1]["middle_us"]),
-                x=x,
-                y=y,
-                z=z,
-                roll=0.0,
-                pitch=0.0,
-                yaw=yaw,
-                source_radar_us=stamps[i],
-                destination_radar_us=stamps[i - 1],
-            )
-        )
-    write_odometry(out / "gt" / "radar_odometry.csv", rows)
-    write_timestamps(out / "radar.timestamps", stamps)
+    layout = recipe.folder_layout
+    stems = layout.stems(out)
+    if len(stems) != recipe.scans:
+        place = out / layout.scans_folders[0]
+        raise DatasetError(f"{place}: {len(stems)} scans where {recipe.scans} should be")
+    layout.write_motion(out, [_record(out, stem) for stem in stems], recipe.sensor)
+
+
+def _record(out: Path, stem: str) -> ScanRecord:
+    """Read from a scan's truth what the files that list scans need of it."""
+    found = read_arrays(out / "truth" / f"{stem}.npz", ("middle_us", "middle_pose", "pose"))
+    return ScanRecord(
+        stem=stem, middle_us=int(found["middle_us"]), middle_pose=found["middle_pose"], pose=found["pose"]
+    )

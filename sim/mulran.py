@@ -36,6 +36,9 @@ class MulRan(Layout):
         """Write the stamps, and `global_pose.csv` with the pose at the middle and the end of every scan."""
         lines = []
         for record in records:
+            if not lines:  # so that nothing lies before the first pose
+                start_us = 2 * record.middle_us - self.time_us(record.stem)
+                lines.append(_pose_line(start_us * _NS, record.pose[0]))
             lines.append(_pose_line(record.middle_us * _NS, record.middle_pose))
             lines.append(_pose_line(int(record.stem), record.pose[-1]))
         stems = [record.stem for record in records]

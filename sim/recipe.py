@@ -14,6 +14,8 @@ from echoscape.scenes.target_files import AnyTarget
 from echoscape.scenes.traffic import TrafficSettings
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.layout import Layout
+from echoscape.sim.layouts import LAYOUTS, LayoutName, home_of
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.trace_settings import TraceSettings
 
@@ -41,6 +43,8 @@ class Recipe:
     """Keep the sampled beat signal of every scan in OUT/beat, for processing of one's own."""
     sensor: Sensor = CTS350X
     """The radar."""
+    layout: LayoutName | None = None
+    """Layout of the folder; by default that in which the radar's real scans are published, or Oxford's."""
     trace: TraceSettings = field(default_factory=TraceSettings)
     """How finely and how far a scan is traced."""
     artefacts: Artefacts = field(default_factory=Artefacts)
@@ -64,6 +68,8 @@ class Recipe:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
         if self.seed < 0:
             raise ValueError(f"seed must be 0 or more, got {self.seed}")
+        if self.layout is not None and self.layout not in LAYOUTS:
+            raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {self.layout!r}")
         if self.scans < 1:
             raise ValueError(f"scans must be 1 or more, got {self.scans}")
         if not 0 <= self.sensor.rotation_jitter_s < 0.1 / self.sensor.rotation_hz:
@@ -78,6 +84,11 @@ class Recipe:
             raise ValueError(
                 f"scans must be {most} or fewer (drives end at {DURATION_RANGE_S[1]:g} s), got {self.scans}"
             )
+
+    @property
+    def folder_layout(self) -> Layout:
+        """The layout of the dataset's folder."""
+        return home_of(self.sensor.name) if self.layout is None else LAYOUTS[self.layout]
 
     @property
     def duration_s(self) -> float:
