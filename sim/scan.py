@@ -15,6 +15,7 @@ from echoscape.scenes.world import CLASSES, Mover, Town
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import Echoes
+from echoscape.sim.filters import EchoFilter, selection
 from echoscape.sim.motion import MoverStates, Turn, mover_states, row_poses, turns
 from echoscape.sim.polar_scan import EPOCH_US, PolarScan, ScanTruth
 from echoscape.sim.quantiser import codes
@@ -69,6 +70,7 @@ class Simulator:
             sensor,
             settings,
             instance_class=self.instance_class,
+            targets=town.targets,
             seed=seed,
             speckle=self.artefacts.speckle,
             doppler=self.artefacts.doppler,
@@ -99,21 +101,35 @@ class Simulator:
         traced = self._tracer.trace(poses, self._states(turn))
         return traced if self.artefacts.sidelobes else traced.select(~traced.sidelobe)
 
-    def scan(self, index: int, *, keep_beat: bool = False) -> PolarScan:
-        """Make scan `index` with its truth, and with its raw data where `keep_beat` asks for them."""
+    def scan(
+        self,
+        index: int,
+        *,
+        echoes: Echoes | None = None,
+        only: EchoFilter | None = None,
+        without: EchoFilter | Sequence[EchoFilter] = (),
+        keep_beat: bool = False,
+    ) -> PolarScan:
+        """Make scan `index` with its truth, and with its raw data where `keep_beat` asks for them.
+
+        `only` and `without` leave out echoes by what made them; to ask much of one scan, trace its `echoes`
+        once and hand them in. The receiver's draws are the same for all.
+        """
         turn, sensor = self.turn(index), self.sensor
-        echoes = self.echoes(index)
+        chosen = selection(only, without)
+        artefacts = chosen.artefacts(self.artefacts)
+        echoes = chosen.echoes(self.echoes(index) if echoes is None else echoes, self.instance_class)
         received = receive(
             echo_grid(echoes, sensor),
             sensor,
-            self.artefacts,
+            artefacts,
             noise_rng=self._rng(index, "noise"),
             phase_rng=self._rng(index, "phase_noise"),
             keep_beat=keep_beat,
         )
         middle = turn.middle_s
         truth = ScanTruth(
-            cells=self._labeller.label(echoes, received, leakage=self.artefacts.leakage),
+            cells=self._labeller.label(echoes, received, leakage=artefacts.leakage),
             pose=self._track.pose(turn.times_s),
             middle_pose=self._track.pose(np.float64(middle)),
             middle_us=EPOCH_US + round(middle * 1e6),

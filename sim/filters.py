@@ -1,0 +1,131 @@
+"""What would a scan be without that truck, without its ghosts? Filters of echoes by what made them.
+
+A filter works on a traced scan, before the receiver, so that one trace serves many questions. What it takes
+out still casts its shadow; `scenes.removal.without` takes a thing out of the world itself.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.scenes.world import CLASSES
+from echoscape.sim.artefacts import Artefacts
+from echoscape.sim.echoes import Echoes
+from echoscape.sim.polar_scan import Component
+
+_SWITCHES = {
+    Component.NOISE: ("thermal_noise",),
+    Component.LEAKAGE: ("leakage",),
+    Component.SPOKE: ("saturation", "phase_noise", "quantisation"),
+}
+"""What of the receiver makes a component that is no echo."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EchoFilter:
+    """Names echoes: those that meet every condition given, each by any of its values.
+
+    bounces: orders, 1 direct; components: of `Component`, by number or name; instances, classes: ids of
+    things and names of classes, of any surface on an echo's path, or of the last alone if `last_only`.
+    NOISE, LEAKAGE and SPOKE are no echoes but the receiver's: a filter of components may name them, without
+    other conditions.
+    """
+
+    bounces: tuple[int, ...] | None = None
+    components: tuple[Component | str, ...] | None = None
+    instances: tuple[int, ...] | None = None
+    classes: tuple[str, ...] | None = None
+    last_only: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what names nothing, naming the argument."""
+        if all(each is None for each in (self.bounces, self.components, self.instances, self.classes)):
+            raise ValueError("a filter needs bounces, components, instances or classes")
+        names = [each.name.lower() for each in Component]
+        for component in self.components or ():
+            if str(getattr(component, "name", component)).lower() not in names:
+                raise ValueError(f"components must be among {', '.join(names)}, got {component!r}")
+        for name in self.classes or ():
+            if name not in CLASSES:
+                raise ValueError(f"classes must be among {', '.join(CLASSES)}, got {name!r}")
+        for order in self.bounces or ():
+            if order < 1:
+                raise ValueError(f"bounces must be 1 or more, got {order}")
+        for instance in self.instances or ():
+            if instance < 1:
+                raise ValueError(f"instances must be 1 or more, got {instance}")
+        others = (self.bounces, self.instances, self.classes)
+        if self.receiver_components and any(each is not None for each in others):
+            raise ValueError(
+                "noise, leakage and spoke are no echoes: they have no bounces, instance or class"
+            )
+
+    @property
+    def component_set(self) -> frozenset[Component]:
+        """The components named."""
+        named = (getattr(each, "name", each) for each in self.components or ())
+        return frozenset(Component[str(name).upper()] for name in named)
+
+    @property
+    def receiver_components(self) -> frozenset[Component]:
+        """Those of the components that the receiver makes."""
+        return self.component_set & _SWITCHES.keys()
+
+    def matches(self, echoes: Echoes, instance_class: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return which echoes (E,) are named; `instance_class` (I,) gives the class of each instance."""
+        returns = echoes.returns
+        named = np.full(len(returns.bounces), True)
+        if self.bounces is not None:
+            named &= np.isin(returns.bounces, self.bounces)
+        surfaces = returns.instance[:, None] if self.last_only else returns.surfaces
+        if self.instances is not None:
+            named &= np.isin(surfaces, self.instances).any(axis=1)
+        if self.classes is not None:
+            wanted = [CLASSES.index(name) for name in self.classes]
+            known = surfaces > 0  # 0 fills up the rows of shorter paths
+            named &= (np.isin(instance_class[surfaces], wanted) & known).any(axis=1)
+        found = named[echoes.source]
+        if self.components is not None:
+            found &= np.isin(echo_components(echoes), [int(each) for each in self.component_set])
+        return found
+
+
+def echo_components(echoes: Echoes) -> NDArray[np.uint8]:
+    """Return DIRECT, GHOST or SIDELOBE for each echo (E,), as the truth of cells calls them."""
+    kind = np.where(echoes.bounces > 1, np.uint8(Component.GHOST), np.uint8(Component.DIRECT))
+    return np.where(echoes.sidelobe, np.uint8(Component.SIDELOBE), kind)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """Which echoes a scan is made of: all that `only` names (None: all) but those that `without` names."""
+
+    only: EchoFilter | None = None
+    without: tuple[EchoFilter, ...] = ()
+
+    def echoes(self, echoes: Echoes, instance_class: NDArray[np.uint8]) -> Echoes:
+        """Return the echoes that are left."""
+        if self.only is None and not self.without:
+            return echoes
+        keep = np.full(len(echoes), True)
+        if self.only is not None:
+            keep &= self.only.matches(echoes, instance_class)
+        for each in self.without:
+            keep &= ~each.matches(echoes, instance_class)
+        return echoes.select(keep)
+
+    def artefacts(self, artefacts: Artefacts) -> Artefacts:
+        """Return the artefacts that are left: the receiver's own components are its switches."""
+        off = frozenset[Component]().union(*(each.receiver_components for each in self.without))
+        if self.only is not None and self.only.components is not None:
+            off |= _SWITCHES.keys() - self.only.component_set
+        switches = {switch: False for component in off for switch in _SWITCHES[component]}
+        return replace(artefacts, **switches) if switches else artefacts
+
+
+def selection(only: EchoFilter | None = None, without: EchoFilter | Sequence[EchoFilter] = ()) -> Selection:
+    """Return the selection of one filter to keep and one or several to take out."""
+    dropped = (without,) if isinstance(without, EchoFilter) else tuple(without)
+    return Selection(only=only, without=dropped)

@@ -1,0 +1,168 @@
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from echoscape.scenes.removal import without
+from echoscape.scenes.targets import Target, with_targets
+from echoscape.scenes.world import CLASSES, Mover, Town
+from echoscape.sim.artefacts import Artefacts
+from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.echoes import Echoes
+from echoscape.sim.filters import EchoFilter
+from echoscape.sim.polar_scan import Component
+from echoscape.sim.scan import Simulator
+from echoscape.sim.trace_settings import TraceSettings
+from tests.sim.worlds import box_prototype, mover, plate, quad, standing, straight, world
+
+SETTINGS = TraceSettings(rays=100)
+STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
+WALL, ROAD, POST, VAN = 1, 2, 3, 4
+DIRECT_ONLY = EchoFilter(bounces=(1,))
+
+
+@pytest.fixture(scope="module")
+def street() -> Town:
+    ground = quad([[-80, -80, 0], [80, -80, 0], [80, 80, 0], [-80, 80, 0]])
+    return with_targets(
+        world(("metal", "wall", plate([25, 0, 5], [-1, 0], 60, 10)), ("asphalt", "road", ground)),
+        [Target(kind="cylinder", position_m=(15.0, 6.0, 1.5), size_m=(0.1, 3.0))],
+    )
+
+
+@pytest.fixture(scope="module")
+def movers() -> tuple[Mover, ...]:
+    return (
+        mover(VAN, box_prototype("van", (5.0, 2.0, 2.2), "metal", "van"), straight([14.0, -4.0], [0.0, 5.0])),
+    )
+
+
+def simulator(town: Town, movers: tuple[Mover, ...], **artefacts: bool) -> Simulator:
+    return Simulator(
+        town, standing(), movers, seed=2, sensor=STEADY, settings=SETTINGS, artefacts=Artefacts(**artefacts)
+    )
+
+
+@pytest.fixture(scope="module")
+def whole(street: Town, movers: tuple[Mover, ...]) -> Simulator:
+    return simulator(street, movers)
+
+
+@pytest.fixture(scope="module")
+def traced(whole: Simulator) -> Echoes:
+    return whole.echoes(0)
+
+
+def test_first_order_alone_is_the_scan_without_ghosts(
+    street: Town, movers: tuple[Mover, ...], whole: Simulator, traced: Echoes
+) -> None:
+    filtered = whole.scan(0, echoes=traced, only=DIRECT_ONLY)
+    traced_so = simulator(street, movers, ghosts=False).scan(0)
+    np.testing.assert_array_equal(filtered.codes, traced_so.codes)
+    assert (filtered.codes != whole.scan(0, echoes=traced).codes).any()
+
+
+@pytest.mark.parametrize(
+    ("component", "switches"),
+    [
+        ("noise", ("thermal_noise",)),
+        ("leakage", ("leakage",)),
+        ("spoke", ("saturation", "phase_noise", "quantisation")),
+        ("sidelobe", ("sidelobes",)),
+    ],
+)
+def test_a_component_left_out_is_its_switch(
+    component: str,
+    switches: tuple[str, ...],
+    street: Town,
+    movers: tuple[Mover, ...],
+    whole: Simulator,
+    traced: Echoes,
+) -> None:
+    filtered = whole.scan(0, echoes=traced, without=EchoFilter(components=(component,)))
+    switched = simulator(street, movers, **{switch: False for switch in switches}).scan(0)
+    np.testing.assert_array_equal(filtered.codes, switched.codes)
+
+
+def test_every_surface_of_a_path_counts(traced: Echoes, whole: Simulator) -> None:
+    van = EchoFilter(instances=(VAN,)).matches(traced, whole.instance_class)
+    last = EchoFilter(instances=(VAN,), last_only=True).matches(traced, whole.instance_class)
+    assert last.any()
+    assert (van & ~last).any()  # by way of the van to something else
+    assert not (last & ~van).any()
+    assert (traced.bounces[van & ~last] > 1).all()
+    by_class = EchoFilter(classes=("van",)).matches(traced, whole.instance_class)
+    np.testing.assert_array_equal(by_class, van)
+    surfaces = traced.returns.surfaces[traced.source]
+    np.testing.assert_array_equal(van, (surfaces == VAN).any(axis=1))
+    met = (surfaces > 0).sum(axis=1)
+    assert (met[traced.bounces == 1] == 1).all()
+    assert (met[traced.bounces > 1] >= 2).all()
+    np.testing.assert_array_equal(
+        traced.instance, np.take_along_axis(surfaces, met[:, None] - 1, axis=1)[:, 0]
+    )
+
+
+def test_conditions_are_met_together_and_their_values_apart(traced: Echoes, whole: Simulator) -> None:
+    classes = whole.instance_class
+
+    def named(**conditions: Any) -> np.ndarray:
+        return EchoFilter(**conditions).matches(traced, classes)
+
+    both = named(instances=(VAN,), components=("ghost",))
+    np.testing.assert_array_equal(both, named(instances=(VAN,)) & named(components=("ghost",)))
+    assert both.any()
+    either = named(bounces=(2, 3))
+    np.testing.assert_array_equal(either, named(bounces=(2,)) | named(bounces=(3,)))
+
+
+def test_only_and_without_part_the_echoes(traced: Echoes, whole: Simulator) -> None:
+    ghosts = EchoFilter(components=(Component.GHOST,))
+    silent = {"components": ("noise",)}
+    van = EchoFilter(classes=("van",), last_only=True)
+    kept = whole.scan(0, echoes=traced, only=van, without=ghosts)
+    assert kept.truth is not None
+    assert set(np.unique(kept.truth.cells.class_id)) <= {0, CLASSES.index("van")}
+    assert not (kept.truth.cells.component == Component.GHOST).any()
+    nothing = whole.scan(0, echoes=traced, only=EchoFilter(classes=("bus",)), without=EchoFilter(**silent))
+    assert nothing.truth is not None
+    assert not np.isin(nothing.truth.cells.component, [Component.DIRECT, Component.GHOST]).any()
+
+
+def test_removed_thing_was_never_there(street: Town, movers: tuple[Mover, ...]) -> None:
+    town, left = without(street, movers, {VAN})
+    assert left == ()
+    gone = simulator(town, left).echoes(0)
+    assert not np.isin(gone.returns.surfaces, [VAN]).any()
+    never = simulator(street, ()).echoes(0)
+    np.testing.assert_array_equal(gone.amplitude, never.amplitude)
+    # What it hid is there again, which a filter cannot know.
+    wall_behind = (gone.instance == WALL).sum()
+    filtered = simulator(street, movers).echoes(0)
+    assert wall_behind > (filtered.instance == WALL).sum()
+
+
+def test_static_things_and_targets_can_be_removed(street: Town) -> None:
+    town, _ = without(street, (), {WALL, POST})
+    echoes = simulator(town, ()).echoes(0)
+    assert set(np.unique(echoes.returns.surfaces)) <= {0, ROAD}
+    assert town.targets == ()
+    with pytest.raises(ValueError, match="instances must be of the town or its movers, got 99"):
+        without(street, (), {99})
+
+
+@pytest.mark.parametrize(
+    ("conditions", "message"),
+    [
+        ({}, "a filter needs"),
+        ({"bounces": (0,)}, "bounces must be 1 or more, got 0"),
+        ({"components": ("echo",)}, "components must be among"),
+        ({"classes": ("tree house",)}, "classes must be among"),
+        ({"instances": (0,)}, "instances must be 1 or more"),
+        ({"components": ("noise",), "bounces": (1,)}, "are no echoes"),
+    ],
+)
+def test_refuses_filters_that_name_nothing(conditions: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        EchoFilter(**conditions)
