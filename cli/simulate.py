@@ -10,10 +10,10 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from echoscape.cli.parsing import ArgumentsError, parsed, said
+from echoscape.cli.stages import Stages
 from echoscape.cli.worlds import RecipeFlags, recipe_of
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.recipe import Recipe
@@ -92,7 +92,7 @@ def _simulate(options: Options, recipe: Recipe) -> int:
     import_module("echoscape.sim.backend")  # a machine without what it needs is told before anything begins
     console, start = Console(stderr=True), time.monotonic()
     try:
-        with _Stages(console) as stages:
+        with Stages(console) as stages:
             write_dataset(
                 options.out,
                 recipe,
@@ -132,38 +132,6 @@ def _draw(out: Path) -> None:
 def _refused(message: str, code: int) -> int:
     print(f"echoscape simulate: {message}", file=sys.stderr)
     return code
-
-
-class _Stages:
-    """A progress bar a stage, each shown when it begins."""
-
-    def __init__(self, console: Console) -> None:
-        self._bars = Progress(
-            TextColumn("{task.description:8}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("{task.fields[rate]}"),
-            console=console,
-        )
-        self._tasks: dict[str, tuple[int, float, int]] = {}
-
-    def __enter__(self) -> "_Stages":
-        self._bars.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._bars.stop()
-
-    def report(self, stage: str, done: int, total: int) -> None:
-        """Show that `done` of `total` of a stage are there."""
-        if stage not in self._tasks:
-            task = self._bars.add_task(stage, total=total, completed=done, rate="")
-            self._tasks[stage] = (int(task), time.monotonic(), done)
-        task, since, first = self._tasks[stage]
-        made, seconds = done - first, time.monotonic() - since
-        rate = f"{made / seconds:.2f}/s" if stage == "scans" and made > 0 and seconds > 0 else ""
-        self._bars.update(task, completed=done, rate=rate)  # type: ignore[arg-type]
 
 
 def _summary(options: Options, recipe: Recipe, *, seconds: float) -> Table:

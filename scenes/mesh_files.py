@@ -16,6 +16,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from echoscape.scenes.obj_files import relabelled
 from echoscape.scenes.tables import SceneError
 from echoscape.scenes.world import Mesh
 
@@ -99,7 +100,7 @@ def _loaded(path: Path, turn: NDArray[np.float64]) -> Iterator[MeshPart]:
     data, suffix = _read(path), path.suffix.lower()
     labels: list[tuple[str, ...]] = []
     if suffix == ".obj":
-        data, labels = _relabelled(path, data)
+        data, labels = relabelled(path, data)
     scene = _scene(path, data)
     if suffix == ".ply":
         _check_ply(path, data, scene)
@@ -191,68 +192,6 @@ def _proper(where: str, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
     if not proper.all():
         _log.warning("%s: %d degenerate faces left out", where, int((~proper).sum()))
     return proper
-
-
-# ---------------------------------------------------------------------- obj and ply
-
-
-def _relabelled(path: Path, data: bytes) -> tuple[bytes, list[tuple[str, ...]]]:
-    """Return an obj file with a part for every object, group and material, and the names of each part.
-
-    Names are told apart here since readers merge what has one material. Indices that count back from the last
-    vertex become plain ones; those that point nowhere are refused.
-    """
-    try:
-        text = data.decode("utf-8").replace("\\\n", " ").replace("\\\r\n", " ")
-    except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: no text, as obj files are") from error
-    lines = [line.split() for line in text.splitlines()]
-    total = sum(words[:1] == ["v"] for words in lines)
-    state = {"o": "", "g": "", "usemtl": ""}
-    parts: dict[tuple[str, ...], int] = {}
-    out: list[str] = []
-    seen = 0
-    for number, words in enumerate(lines, 1):
-        key = words[0] if words else "#"
-        if key == "v":
-            seen += 1
-            out.append(f"v {_numbers(f'{path}: line {number}', words[1:4])}")
-        elif key in state:
-            state[key] = " ".join(words[1:])
-        elif key == "f":
-            names = (state["o"] or state["g"] or path.stem, state["g"], state["usemtl"])
-            corners = _corners(f"{path}: line {number}", words[1:], seen=seen, total=total)
-            out += [f"o part{parts.setdefault(names, len(parts))}", f"f {corners}"]
-    if not parts:
-        raise SceneError(f"{path}: no faces in it")
-    labels = [tuple(dict.fromkeys(name for name in names if name)) for names in parts]
-    return "\n".join([*out, ""]).encode(), labels
-
-
-def _numbers(where: str, words: list[str]) -> str:
-    """Return x, y, z of a vertex that are seen to be numbers."""
-    try:
-        x, y, z = (float(word) for word in words)
-    except ValueError as error:
-        raise SceneError(f"{where}: a vertex must be three numbers, got {' '.join(words)!r}") from error
-    return f"{x!r} {y!r} {z!r}"
-
-
-def _corners(where: str, words: list[str], *, seen: int, total: int) -> str:
-    """Return the vertices of a face counted from 1 (Wavefront obj, "f v/vt/vn", -1 being the last `seen`)."""
-    if len(words) < 3:
-        raise SceneError(f"{where}: a face must have 3 or more corners, got {len(words)}")
-    corners = []
-    for word in words:
-        try:
-            index = int(word.split("/", 1)[0])
-        except ValueError as error:
-            raise SceneError(f"{where}: {word!r} names no vertex") from error
-        corner = index if index > 0 else seen + 1 + index
-        if index == 0 or not 1 <= corner <= total:
-            raise SceneError(f"{where}: a face names vertex {index} where there are {total}")
-        corners.append(str(corner))
-    return " ".join(corners)
 
 
 def _check_ply(path: Path, data: bytes, scene: trimesh.Scene) -> None:

@@ -1,0 +1,104 @@
+"""`echoscape scene OUT`: build a world without any radar, draw its plan, count what stands in it."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from echoscape.cli.parsing import parsed
+from echoscape.cli.stages import Stages
+from echoscape.cli.worlds import Preset, RecipeFlags, recipe_of
+from echoscape.scenes.tables import SceneError
+from echoscape.sim.recipe import Recipe
+from echoscape.sim.whole_files import DatasetError
+
+if TYPE_CHECKING:
+    from echoscape.eval.inventory import Inventory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Write a world to look at: scene.glb, plan.png and scene.json with its numbers."""
+
+    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
+    """Folder to write; it must be empty or new."""
+    preset: Preset = ""
+    """Kind of world: town, suburb, industrial, motorway, open or empty."""
+    seed: int = 0
+    """Seed of the town and of the drive through it."""
+    scans: int = 40
+    """Scans whose drive is shown; a drive of one's own is shown whole."""
+    scene: Path | None = None
+    """TOML file of a scene of one's own, in the place of a preset; its keys: docs/scenes.md."""
+    targets: Path | None = None
+    """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the subcommand and return its exit code."""
+    from echoscape.eval.scene_folder import check_empty, write_scene
+
+    try:
+        options = parsed(Options, prog="echoscape scene", arguments=arguments)
+        recipe = _recipe(options)
+        check_empty(options.out)
+    except ValueError as error:
+        return _refused(str(error))
+    try:
+        with Stages(Console(stderr=True)) as stages:
+            numbers = write_scene(options.out, recipe, progress=stages.report)
+    except (DatasetError, SceneError) as error:
+        return _refused(str(error))
+    except OSError as error:
+        return _refused(f"OUT: {error.strerror or error}")
+    console = Console()
+    for table in (_summary(options, numbers), _classes(numbers), _materials(numbers)):
+        console.print(table)
+    return 0
+
+
+def _recipe(options: Options) -> Recipe:
+    flags = RecipeFlags(preset=options.preset, seed=options.seed, scans=options.scans)
+    return recipe_of(flags, scene=options.scene, targets=options.targets)
+
+
+def _refused(message: str) -> int:
+    print(f"echoscape scene: {message}", file=sys.stderr)
+    return 2
+
+
+def _summary(options: Options, numbers: "Inventory") -> Table:
+    """Return size and triangles as a small table."""
+    size = [high - low for low, high in zip(numbers.low_m, numbers.high_m, strict=True)]
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table.add_column()
+    table.add_column(overflow="fold")
+    table.add_row("folder", str(options.out))
+    table.add_row("size", f"{size[0]:,.1f} x {size[1]:,.1f} x {size[2]:,.1f} m")
+    for name, corner in (("from x, y, z", numbers.low_m), ("to", numbers.high_m)):
+        table.add_row(name, ", ".join(f"{value:.1f}" for value in corner) + " m")
+    table.add_row("triangles", f"{numbers.triangles_stored:,} stored, {numbers.triangles_placed:,} placed")
+    return table
+
+
+def _classes(numbers: "Inventory") -> Table:
+    table = Table("class", "objects", "triangles", box=None, padding=(0, 2, 0, 0))
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for name, count in numbers.classes.items():
+        table.add_row(name, f"{count.objects:,}", f"{count.triangles:,}")
+    return table
+
+
+def _materials(numbers: "Inventory") -> Table:
+    table = Table("material", "area in m2", "triangles", box=None, padding=(0, 2, 0, 0))
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for name, count in numbers.materials.items():
+        table.add_row(name, f"{count.area_m2:,.1f}", f"{count.triangles:,}")
+    return table

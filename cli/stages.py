@@ -1,0 +1,38 @@
+"""Progress of a command on the terminal: a bar for each of its stages."""
+
+import time
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+
+class Stages:
+    """A progress bar a stage, each shown when it begins."""
+
+    def __init__(self, console: Console) -> None:
+        self._bars = Progress(
+            TextColumn("{task.description:8}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[rate]}"),
+            console=console,
+        )
+        self._tasks: dict[str, tuple[int, float, int]] = {}
+
+    def __enter__(self) -> "Stages":
+        self._bars.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._bars.stop()
+
+    def report(self, stage: str, done: int, total: int) -> None:
+        """Show that `done` of `total` of a stage are there."""
+        if stage not in self._tasks:
+            task = self._bars.add_task(stage, total=total, completed=done, rate="")
+            self._tasks[stage] = (int(task), time.monotonic(), done)
+        task, since, first = self._tasks[stage]
+        made, seconds = done - first, time.monotonic() - since
+        rate = f"{made / seconds:.2f}/s" if stage == "scans" and made > 0 and seconds > 0 else ""
+        self._bars.update(task, completed=done, rate=rate)  # type: ignore[arg-type]
