@@ -7,6 +7,7 @@ from importlib.metadata import version
 
 COMMANDS = {
     "simulate": "make a dataset: a town, a drive through it, its radar scans and their truth",
+    "scene": "build a world without any radar: its plan, its numbers, a model for viewers",
 }
 """Subcommands and what they do; each is a module of this package with `main(arguments) -> int`."""
 
