@@ -71,7 +71,7 @@ def convert(
     full_scale = full_scale_amplitude(sensor)
     clipped = np.zeros(len(signal), np.bool_)
     if artefacts.saturation:
-        clipped = (np.abs(signal) > full_scale).any(axis=1)
+        clipped = np.abs(signal).max(axis=1) > full_scale
         signal = np.clip(signal, -full_scale, full_scale)
     if not artefacts.quantisation:
         return finely_sampled(signal), clipped
