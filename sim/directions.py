@@ -68,6 +68,9 @@ def _union_azimuth_density(
     for step in range(-_OVERLAP_ROWS, _OVERLAP_ROWS + 1):
         there = (nearest + step >= 0) & (nearest + step < azimuths)
         total += there * np.interp(aside - step * spacing, grid, one_row)
+    # A ray of a far sidelobe that points across the seam has its own row's density alone.
+    alone = np.abs(nearest - row) > _OVERLAP_ROWS
+    total[alone] += np.interp(offset[alone], grid, one_row)
     return rays * total
 
 

@@ -70,6 +70,15 @@ def test_directions_are_the_seeds_own(antenna: Antenna, directions: Directions) 
     assert not np.array_equal(other.azimuth_rad, directions.azimuth_rad)
 
 
+def test_rays_that_point_far_across_the_seam_have_a_density(antenna: Antenna) -> None:
+    # Of these, one leaves row 37 by 139 deg, where no row within the scan points.
+    rng = np.random.default_rng(np.random.SeedSequence([3, 300]))
+    drawn = draw_directions(antenna, rays=1024, rng=rng)
+    offset = np.degrees(drawn.azimuth_rad - drawn.row * 2 * math.pi / CTS350X.azimuths)
+    assert ((np.abs((offset + 180) % 360 - 180) > 90) & (np.abs(offset) > 180)).any()
+    assert (drawn.density > 0).all()
+
+
 @pytest.mark.parametrize("rays", [0, 9, 200])
 def test_refuses_ray_counts_without_strata(antenna: Antenna, rays: int) -> None:
     with pytest.raises(ValueError, match="rays must be a square number"):
