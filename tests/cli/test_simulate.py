@@ -3,12 +3,18 @@
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
+from echoscape.cli import simulate
 from echoscape.cli.__main__ import COMMANDS, main
+from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.recipe import Recipe
+from echoscape.sim.sensor import Sensor
+from echoscape.sim.sensors import SENSORS
 
 SMALL = ["--preset", "empty", "--seed", "3", "--scans", "2", "--trace.rays", "16"]
 
@@ -19,6 +25,10 @@ BAD = {
     "--scans many": "--scans",
     "--seed -1": "seed must be 0 or more, got -1",
     "--seed 1.5": "--seed",
+    "--radar moon": "--radar: a sensor must be one of cts350x, cir204, cir304, cir304_rt or a .toml file",
+    "--radar nowhere.toml": "--radar: nowhere.toml: cannot be read",
+    "--radar=cir304_rt --sensor.fft-size 8192": "fft_size must be a power of two of 13696 or more",
+    "--layout moon": "--layout",
     "--preset moon": "preset must be one of town, suburb,",
     "--workers 0": "workers must be 1 or more, got 0",
     "--threads 0": "threads must be 1 or more, got 0",
@@ -84,6 +94,45 @@ def test_run_makes_a_dataset_with_a_preview_and_sums_up(
     with Image.open(tmp_path / "set" / "preview.png") as page:
         assert page.size == (1800, 1140)
     assert "2 of 400 x 3768 cells" in capsys.readouterr().out
+
+
+@pytest.fixture
+def recipes(monkeypatch: pytest.MonkeyPatch) -> list[Recipe]:
+    """What the command would make."""
+    told: list[Recipe] = []
+    monkeypatch.setattr(simulate, "_simulate", lambda options, recipe: told.append(recipe) or 0)
+    return told
+
+
+@pytest.mark.parametrize(
+    ("words", "sensor", "layout"),
+    [
+        ("", CTS350X, "oxford"),
+        ("--radar cir204", SENSORS["cir204"], "mulran"),
+        ("--radar=cir304", SENSORS["cir304"], "boreas"),
+        ("--radar cir304_rt --layout oxford", SENSORS["cir304_rt"], "oxford"),
+        (
+            "--sensor.noise-figure-db 12 --radar cir204",
+            replace(SENSORS["cir204"], noise_figure_db=12.0),
+            "mulran",
+        ),
+    ],
+)
+def test_radar_decides_the_sensor_and_the_layout_and_single_numbers_override_it(
+    tmp_path: Path, recipes: list[Recipe], words: str, sensor: Sensor, layout: str
+) -> None:
+    assert main(["simulate", str(tmp_path / "set"), *words.split()]) == 0
+    assert recipes[0].sensor == sensor
+    assert recipes[0].folder_layout.name == layout
+
+
+def test_radar_from_a_file(tmp_path: Path, recipes: list[Recipe]) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('base = "cir204"\nname = "mine"\nbins = 2000\n')
+    words = ["--radar", str(path), "--sensor.adc-bits", "10"]
+    assert main(["simulate", str(tmp_path / "set"), *words]) == 0
+    assert recipes[0].sensor == replace(SENSORS["cir204"], name="mine", bins=2000, adc_bits=10)
+    assert recipes[0].folder_layout.name == "oxford"
 
 
 def test_unknown_command_is_told(capsys: pytest.CaptureFixture[str]) -> None:

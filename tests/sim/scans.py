@@ -4,14 +4,15 @@ import numpy as np
 
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.polar_scan import CellTruth, MoverBoxes, PolarScan, ScanTruth
+from echoscape.sim.sensor import Sensor
 
 START_US = 1_700_000_000_000_000
 
 
-def drawn_scan(*, seed: int = 1, movers: int = 2) -> PolarScan:
-    """Return a scan of the CTS350-X full of drawn numbers."""
+def drawn_scan(*, seed: int = 1, movers: int = 2, sensor: Sensor = CTS350X) -> PolarScan:
+    """Return a scan full of drawn numbers."""
     rng = np.random.default_rng(seed)
-    shape = (CTS350X.azimuths, CTS350X.bins)
+    shape = (sensor.azimuths, sensor.bins)
     cells = CellTruth(
         component=rng.integers(0, 6, shape, np.uint8),
         instance=rng.integers(0, 70_000, shape, np.uint32),
@@ -39,8 +40,8 @@ def drawn_scan(*, seed: int = 1, movers: int = 2) -> PolarScan:
     return PolarScan(
         codes=rng.integers(0, 255, shape, np.uint8),
         timestamp_us=START_US + 625 * np.arange(shape[0]),
-        encoder=(13 + 14 * np.arange(shape[0])).astype(np.uint16),
+        encoder=(sensor.encoder_first + 14 * np.arange(shape[0])).astype(np.uint16),
         valid=rng.random(shape[0]) < 0.9,
-        bin_m=CTS350X.bin_m,
+        bin_m=sensor.bin_m,
         truth=truth,
     )
