@@ -55,10 +55,10 @@ THINGS = {
 }
 """Groups of classes: legend, colour, names of the classes."""
 
-_HEAT = LinearSegmentedColormap.from_list(
+HEAT = LinearSegmentedColormap.from_list(
     "echo", ["#0b0e13", "#172a46", "#1f5f8b", "#3fb0ac", "#d8d98a", "#fff7e0"]
 )
-_BRIGHTEST = 84.0
+BRIGHTEST = 84.0
 """Code that is drawn in full brightness: 42 dB."""
 _PIXELS = 720
 _FINENESS = 2
@@ -197,7 +197,7 @@ def _legend(axes: Axes, colours: dict[str, str], *, columns: int) -> None:
 
 
 def _brightness(codes: NDArray) -> NDArray[np.float32]:
-    return np.clip(codes.astype(np.float32) / _BRIGHTEST, 0, 1)
+    return np.clip(codes.astype(np.float32) / BRIGHTEST, 0, 1)
 
 
 def _above(frame: Frame, values: NDArray) -> NDArray[np.float32]:
@@ -221,9 +221,9 @@ def _show_above(axes: Axes, picture: NDArray) -> None:
 
 def _received_above(axes: Axes, frame: Frame) -> None:
     _titled(axes, "Received", "seen from above, driving upwards")
-    _show_above(axes, _HEAT(_brightness(_above(frame, frame.scan.codes)))[..., :3])
+    _show_above(axes, HEAT(_brightness(_above(frame, frame.scan.codes)))[..., :3])
     bar = axes.inset_axes((0.0, -0.062, 0.62, 0.018))
-    bar.imshow(np.linspace(0, 1, 256)[None], aspect="auto", cmap=_HEAT, extent=(0, _BRIGHTEST / 2, 0, 1))
+    bar.imshow(np.linspace(0, 1, 256)[None], aspect="auto", cmap=HEAT, extent=(0, BRIGHTEST / 2, 0, 1))
     bar.set(yticks=[], xticks=[0, 10, 20, 30, 40], xticklabels=["0", "10", "20", "30", "40 dB"])
     bar.tick_params(colors=FAINT, labelsize=9, length=0, pad=4)
     bar.spines[:].set_visible(False)
@@ -259,7 +259,7 @@ def _over_page(colours: NDArray, light: NDArray) -> NDArray[np.float32]:
 def _plan(axes: Axes, frame: Frame) -> None:
     """Draw the town round the drive, the drive, and who moves."""
     _titled(axes, "Where", f"drive and movers, north up, {frame.manifest['recipe']['preset']}")
-    window = _window(frame.path)
+    window = drive_window(frame.path)
     picture = plan_picture(frame.folder / "scene.glb", window, pixels=_PIXELS)
     axes.imshow(picture, extent=(window[0], window[2], window[1], window[3]))
     here = frame.truth.middle_pose
@@ -281,7 +281,7 @@ def _plan(axes: Axes, frame: Frame) -> None:
     _legend(axes, marks, columns=2)
 
 
-def _window(path: NDArray[np.float64]) -> Window:
+def drive_window(path: NDArray[np.float64]) -> Window:
     """Return the square that shows the drive with some room round it."""
     low, high = path[:, :2].min(axis=0), path[:, :2].max(axis=0)
     middle, half = (low + high) / 2, max(130.0, float((high - low).max()) / 2 + 40.0)
@@ -329,7 +329,7 @@ def _show_polar(axes: Axes, frame: Frame, picture: NDArray) -> None:
 
 def _received_polar(axes: Axes, frame: Frame) -> None:
     _titled(axes, "As the sensor writes it", "azimuth down, range across, half decibels")
-    _show_polar(axes, frame, _HEAT(_pooled(_brightness(frame.scan.codes)))[..., :3])
+    _show_polar(axes, frame, HEAT(_pooled(_brightness(frame.scan.codes)))[..., :3])
 
 
 def _components_polar(axes: Axes, frame: Frame) -> None:

@@ -1,0 +1,87 @@
+"""`echoscape view DATA`: write one page to step through a data set, and say where it is and how large."""
+
+import sys
+import webbrowser
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from echoscape.cli.parsing import parsed
+from echoscape.cli.stages import Stages
+
+_MAILABLE_MB = 20.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Write one HTML page to step or play through a data set: scans, truth, boxes, the drive on the plan.
+
+    The page needs nothing but a browser, no network and no second file. 40 scans take some 4 MB, a tenth of a
+    megabyte each: small enough to mail.
+    """
+
+    data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")]
+    """Folder of scans: one of echoscape's, or real ones (Oxford, MulRan, Boreas), which have no truth."""
+    out: Path | None = None
+    """The page to write; by default DATA/view.html."""
+    scans: int | None = None
+    """Show at most so many scans; by default all."""
+    every: int = 1
+    """Show every so many-th scan only."""
+    columns: int = 640
+    """Range cells kept of each row, at most: more is sharper and larger."""
+    open: bool = False
+    """Open the page in a browser when it is written."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the subcommand and return its exit code."""
+    try:
+        options = parsed(Options, prog="echoscape view", arguments=arguments)
+        out = _written(options)
+    except ValueError as error:  # what a data set lacks is one of them
+        return _refused(str(error))
+    except OSError as error:
+        return _refused(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+    _say(out)
+    if options.open:
+        webbrowser.open(out.resolve().as_uri())
+    return 0
+
+
+def _written(options: Options) -> Path:
+    """Write the page and return its path."""
+    from echoscape.eval.page import page_bytes
+    from echoscape.eval.viewer import view_of
+    from echoscape.sim.whole_files import write_whole
+
+    out = options.out or options.data / "view.html"
+    if out.is_dir() or not out.parent.is_dir():
+        if options.data.is_dir() or options.out:
+            raise ValueError(f"out must be a file in a folder that is there, got {out}")
+        raise ValueError(f"DATA {options.data}: no such folder")
+    with Stages(Console(stderr=True)) as stages:
+        view = view_of(
+            options.data,
+            scans=options.scans,
+            every=options.every,
+            columns=options.columns,
+            progress=stages.report,
+        )
+    write_whole(out, page_bytes(view))
+    return out
+
+
+def _say(out: Path) -> None:
+    size_mb = out.stat().st_size / 1e6
+    hint = "; --every or --scans makes it smaller" if size_mb > _MAILABLE_MB else ""
+    print(f"{out}  {size_mb:.1f} MB{hint}")
+
+
+def _refused(message: str) -> int:
+    print(f"echoscape view: {message}", file=sys.stderr)
+    return 2
