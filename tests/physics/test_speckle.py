@@ -1,0 +1,167 @@
+"""Speckle: its distribution, its texture, and that it belongs to the world."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from echoscape.scenes.materials import MATERIAL_NAMES, MATERIALS
+from echoscape.scenes.world import Mesh
+from echoscape.sim.backend import dr, mi
+from echoscape.sim.echoes import Echoes
+from echoscape.sim.scan import Simulator
+from echoscape.sim.speckle import patch_key, reflectivity
+from echoscape.sim.texture import Texture
+from echoscape.sim.trace_settings import TraceSettings
+from tests.physics.laws import LawRecorder
+from tests.physics.tracing import HEIGHT_M, STEADY, WAVELENGTH_M, traced
+from tests.sim.worlds import plate, quad, standing, world
+
+SECTION = "Speckle"
+GOODMAN = "Goodman, Speckle Phenomena in Optics, 2007, ch. 3"
+WARD = "Ward, Tough & Watts, Sea Clutter, 2013, ch. 4"
+GROUND = quad([[-70, -70, 0], [70, -70, 0], [70, 70, 0], [-70, 70, 0]])
+
+
+def bowl(sides: int = 360) -> Mesh:
+    """A ring of ground that rises from 3 deg below the beam's middle at 30 m to 2 deg above it at 36 m."""
+    angle = 2 * math.pi * np.arange(sides) / sides
+    rims = [
+        np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full(sides, HEIGHT_M + r * math.tan(e))])
+        for r, e in ((30.0, math.radians(-3)), (36.0, math.radians(2)))
+    ]
+    a, b = np.arange(sides), (np.arange(sides) + 1) % sides
+    faces = np.concatenate([np.column_stack([a, b, b + sides]), np.column_stack([a, b + sides, a + sides])])
+    return Mesh(vertices=np.concatenate(rims).astype(np.float32), faces=faces.astype(np.uint32))
+
+
+def cell_sums(
+    echoes: Echoes, near_m: float, far_m: float, *, rows: int, length_m: float = 0.25
+) -> NDArray[np.complex128]:
+    """Sums of the echoes in cells of every third row and `length_m`, over the root of their mean power."""
+    steps = int((far_m - near_m) / length_m)
+    step = np.floor((echoes.range_m - near_m) / length_m).astype(np.int64)
+    mine = (step >= 0) & (step < steps) & (echoes.row % rows == 0)
+    number = echoes.row[mine] // rows * steps + step[mine]
+    size = -(-400 // rows) * steps
+    total = np.bincount(number, echoes.amplitude[mine].real.astype(np.float64), size) + 1j * np.bincount(
+        number, echoes.amplitude[mine].imag.astype(np.float64), size
+    )
+    mean = np.bincount(number, echoes.mean_power[mine].astype(np.float64), size)
+    strong = np.sort(echoes.mean_power[mine])[::-1]
+    return total[mean > strong[0] * 1e-9] / np.sqrt(mean[mean > strong[0] * 1e-9])
+
+
+def test_speckle_of_rough_ground(law: LawRecorder) -> None:
+    # Paving has no texture. Every third row (2.7 deg) and every 0.25 m, some thirty rays in each.
+    town = world(("paving", "road", bowl()))
+    cells = [
+        cell_sums(traced(town, rays=1024, floor_db=-30.0, sensor=STEADY, seed=seed), 30.5, 35.5, rows=3)
+        for seed in range(2)
+    ]
+    intensity = np.abs(np.concatenate(cells)) ** 2
+    intensity /= intensity.mean()
+    assert len(intensity) > 5000
+    amplitude, level_db = np.sqrt(intensity), 10 * np.log10(intensity)
+    for name, expected, found, tolerance, unit in (
+        ("Intensity, mean over standard deviation", 1.0, 1 / intensity.std(), 0.06, ""),
+        ("Amplitude, mean over standard deviation", 1.911, amplitude.mean() / amplitude.std(), 0.06, ""),
+        ("Level, standard deviation", 5.57, level_db.std(), 0.2, "dB"),
+        ("Level, mean against the mean power", -2.51, level_db.mean(), 0.2, "dB"),
+    ):
+        law(
+            f"{name} of rough ground, traced",
+            source=GOODMAN,
+            expected=expected,
+            simulated=float(found),
+            tolerance=tolerance,
+            unit=unit,
+            why="five thousand cells: three standard errors",
+        )
+
+
+@pytest.mark.parametrize("shape", [0.5, 1.0, 2.0, 5.0])
+def test_texture_makes_speckle_k_distributed(
+    law: LawRecorder, monkeypatch: pytest.MonkeyPatch, shape: float
+) -> None:
+    # A million texture cells of 1 m, in each the sum of four patches.
+    monkeypatch.setitem(MATERIALS, "soil", replace(MATERIALS["soil"], texture_shape=shape))
+    count = 1 << 20
+    index = np.arange(count)
+    real, imag = np.zeros(count), np.zeros(count)
+    seed, owner = dr.full(mi.UInt32, 5, count), dr.zeros(mi.UInt32, count)
+    for patch in range(4):
+        x, y = index % 1024 + 0.3 + 0.1 * patch, index // 1024 + 0.45
+        place = mi.Point3d(mi.Float64(x), mi.Float64(y), mi.Float64(np.zeros(count)))
+        key = patch_key(place, dr.full(mi.UInt32, 1, count), owner, seed)
+        for total, part in zip((real, imag), reflectivity(key), strict=True):
+            total += part.numpy() / 2
+    material = dr.full(mi.UInt32, MATERIAL_NAMES.index("soil"), count)
+    texture = Texture().amplitude(material, place, owner, seed, dr.full(mi.Bool, True, count)).numpy()
+    intensity = (real**2 + imag**2) * texture.astype(np.float64) ** 2
+    law(
+        f"K-distribution, second moment of the intensity for nu = {shape:g}",
+        source=f"2 (1 + 1 / nu), {WARD}",
+        expected=2 * (1 + 1 / shape),
+        simulated=float(np.mean(intensity**2) / np.mean(intensity) ** 2),
+        tolerance=0.03 * 2 * (1 + 1 / shape),
+        why="a million cells: three standard errors of the heaviest tail, and its last thousandth evened out",
+    )
+
+
+def test_traced_ground_is_k_distributed(law: LawRecorder, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(MATERIALS, "paving", replace(MATERIALS["paving"], texture_shape=1.0, texture_m=2.0))
+    cells = []
+    for seed in range(4):
+        echoes = traced(world(("paving", "road", GROUND)), rays=256, floor_db=-20.0, sensor=STEADY, seed=seed)
+        cells.append(np.abs(cell_sums(echoes, 6.0, 24.0, rows=3)) ** 2)
+    intensity = np.concatenate(cells)
+    law(
+        "Ground with a texture of nu = 1 in cells of 2 m, traced: second moment of the intensity",
+        source=f"2 (1 + 1 / nu), {WARD}",
+        expected=4.0,
+        simulated=float(np.mean(intensity**2) / np.mean(intensity) ** 2),
+        tolerance=0.7,
+        why="some 1500 texture cells: a standard error of 6 %; radar cells across two even them out by 4 %",
+    )
+
+
+def test_speckle_stays_for_who_stands(law: LawRecorder) -> None:
+    town = world(("soil", "ground", GROUND))
+    simulator = Simulator(town, standing(), seed=3, sensor=STEADY, settings=TraceSettings(rays=64))
+    first, second = simulator.echoes(0), simulator.echoes(7)
+    assert len(first) == len(second) > 1000
+    law(
+        "Standing car, two scans: echoes that differ",
+        source="speckle belongs to the world",
+        expected=0,
+        simulated=np.sum(first.amplitude != second.amplitude),
+        tolerance=0,
+        why="only the receiver's noise is drawn anew",
+    )
+    scans = [simulator.scan(k) for k in (0, 7)]
+    assert (scans[0].codes != scans[1].codes).any()
+    other = Simulator(town, standing(), seed=4, sensor=STEADY, settings=TraceSettings(rays=64)).echoes(0)
+    assert not np.array_equal(first.amplitude[:100], other.amplitude[:100])
+
+
+def test_speckle_of_a_parked_car_stays_and_of_a_moving_one_turns(law: LawRecorder) -> None:
+    # The radar steps towards a small rough plate by half a millimetre.
+    town = world(("soil", "target", plate([25.0, 0, HEIGHT_M], [-1, 0], 0.3, 0.3)))
+
+    def ahead(x: float) -> complex:
+        echoes = traced(town, standing(x=x), rays=256, floor_db=-20.0, sensor=STEADY)
+        return complex(echoes.amplitude[echoes.row == 0].sum(dtype=np.complex128))
+
+    start, moved = ahead(0.0), ahead(0.5e-3)
+    law(
+        "Phase of a small rough plate's speckle after 0.5 mm towards it",
+        source="4 pi r / lambda",
+        expected=math.degrees(4 * math.pi * 0.5e-3 / WAVELENGTH_M),
+        simulated=math.degrees(np.angle(moved / start)),
+        tolerance=3.0,
+        unit="deg",
+        why="scatterers over 0.3 m see the step under slightly different angles; rays meet other patches",
+    )
