@@ -1,39 +1,105 @@
-"""The causes that make a scan look real, each with a switch.
+"""The causes that make a scan look real, each with a strength in a physical unit; 0 is off.
 
 Switching one off changes only what it causes: the town, the echoes and the random draws of the others stay.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields, replace
+
+from echoscape.sim.rain import MOST_MM_H
+from echoscape.sim.sensor import Sensor
 
 
 @dataclass(frozen=True, kw_only=True)
 class Artefacts:
-    """Which effects a scan has."""
+    """How strong each effect is; None is the sensor's own, a bool switches between that and nothing."""
 
-    speckle: bool = True
-    """Random reflectivity of scatterers fixed in the world; off: every scatterer has its mean."""
-    ghosts: bool = True
-    """Paths that meet more than one surface."""
-    sidelobes: bool = True
-    """What the beam hears outside its main lobe."""
-    saturation: bool = True
-    """Clipping at the converter's full scale."""
-    phase_noise: bool = True
-    """Phase noise of the synthesiser, with range correlation."""
-    thermal_noise: bool = True
-    """Noise of the receiver."""
-    leakage: bool = True
-    """Transmit-receive leakage and echoes of the radome."""
-    quantisation: bool = True
-    """Steps of the analogue-to-digital converter; off: the finest that 16 bits allow a row."""
-    motion_distortion: bool = True
-    """The rolling scan: every row from its own pose; off: all rows from the pose at mid-scan."""
-    doppler: bool = True
-    """Range shift by radial speed."""
-    movers: bool = True
-    """Things that move."""
+    speckle: float = 1.0
+    """Share of the echoes' power that interferes; the rest adds up evenly [W/W, 0 to 1]."""
+    ghosts: float = 1.0
+    """Power of paths that meet more than one surface over what it is [W/W]."""
+    sidelobes: float = 1.0
+    """Power of what the beam hears outside its main lobe over what it is [W/W]."""
+    saturation: float = 1.0
+    """Amplitude at the converter over that for which it is set; it clips so much earlier [V/V]."""
+    phase_noise: float | None = None
+    """Phase of the synthesiser, standard deviation [rad]."""
+    thermal_noise: float | None = None
+    """Noise temperature of the receiver [K]."""
+    leakage: float = 1.0
+    """Power of transmit-receive leakage and echoes of the radome over the sensor's [W/W]."""
+    quantisation: float | None = None
+    """Step of the analogue-to-digital converter over its full scale [V/V, up to 0.5]."""
+    motion_distortion: float = 1.0
+    """Share of a turn's time over which its rows spread; 0: all from the pose at mid-scan [s/s, 0 to 1]."""
+    doppler: float | None = None
+    """Shift in range by radial speed [m per m/s]."""
+    movers: float = 1.0
+    """Share of the things that move that are there [0 to 1]."""
+    rain: float = 0.0
+    """Rain rate: attenuation (ITU-R P.838) and echoes of drops [mm/h, up to 150]."""
+    interference: float = 0.0
+    """Radiated power (EIRP) of a forward-looking 76-77 GHz radar on every other vehicle [W]."""
+
+    def __post_init__(self) -> None:
+        """Take bools for switches; refuse what is no strength, naming the artefact."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, bool):
+                value = field.default if value else 0.0
+                object.__setattr__(self, field.name, value)
+            if value is None:
+                continue
+            most = _MOST.get(field.name, math.inf)
+            if not (math.isfinite(value) and 0 <= value <= most):
+                limit = "0 or more" if most == math.inf else f"between 0 and {most:g}"
+                raise ValueError(f"{field.name} must be {limit}, got {value}")
+            object.__setattr__(self, field.name, float(value))
+
+    def strengths(self, sensor: Sensor) -> "Strengths":
+        """Return all strengths as numbers, the sensor's own where none is given."""
+        own = {
+            "phase_noise": sensor.phase_noise_rad,
+            "thermal_noise": sensor.noise_temperature_k,
+            "quantisation": 2.0 ** (1 - sensor.adc_bits),
+            "doppler": sensor.doppler_beta_s,
+        }
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
+        return Strengths(**{name: own[name] if value is None else value for name, value in given.items()})
+
+    def without(self, *names: str) -> "Artefacts":
+        """Return the same with some switched off."""
+        return replace(self, **dict.fromkeys(names, 0.0))
+
+
+_MOST = {
+    "speckle": 1.0,
+    "quantisation": 0.5,
+    "motion_distortion": 1.0,
+    "movers": 1.0,
+    "rain": MOST_MM_H,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strengths:
+    """The strengths of `Artefacts` for a sensor, in the same units."""
+
+    speckle: float
+    ghosts: float
+    sidelobes: float
+    saturation: float
+    phase_noise: float
+    thermal_noise: float
+    leakage: float
+    quantisation: float
+    motion_distortion: float
+    doppler: float
+    movers: float
+    rain: float
+    interference: float
 
     @property
     def linear(self) -> bool:
-        """Whether the receiver is linear, so that nothing distorts."""
-        return not (self.saturation or self.phase_noise or self.quantisation)
+        """Whether the receiver is linear and nobody else transmits: no cell owes its power to a spoke."""
+        return not (self.saturation or self.phase_noise or self.quantisation or self.interference)

@@ -1,6 +1,6 @@
 """Echoes: what a traced scan hands to the waveform, one entry for each return in each row that hears it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ class Returns:
 
     bounces (R,) uint8: surfaces met out and back (1 direct, 2 loop, 3 mirror ghost or longer loop);
     instance (R,) uint32: the last of them; material (R,) uint8; moving (R,) bool; surfaces (R, D) uint32:
-    instance ids of the surfaces met on the way out, in order, 0 where there are no more.
+    instance ids of the surfaces met on the way out, in order, 0 where there are no more; coherent (R,) bool: a
+    target's phase sum, without speckle.
     """
 
     bounces: NDArray[np.uint8]
@@ -20,6 +21,7 @@ class Returns:
     material: NDArray[np.uint8]
     moving: NDArray[np.bool_]
     surfaces: NDArray[np.uint32]
+    coherent: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,17 +67,15 @@ class Echoes:
 
     def select(self, keep: NDArray[np.bool_]) -> "Echoes":
         """Return the echoes where `keep` (E,) is true."""
-        return Echoes(
-            row=self.row[keep],
-            range_m=self.range_m[keep],
-            amplitude=self.amplitude[keep],
-            mean_power=self.mean_power[keep],
-            source=self.source[keep],
-            sidelobe=self.sidelobe[keep],
-            closing_mps=self.closing_mps[keep],
-            returns=self.returns,
-            first_m=self.first_m,
-        )
+        return replace(self, **{name: getattr(self, name)[keep] for name in _BY_ECHO})
+
+    def scaled(self, power_gain: NDArray[np.float64]) -> "Echoes":
+        """Return the echoes with their power changed by factors (E,)."""
+        gain = power_gain.astype(np.float32)
+        return replace(self, amplitude=self.amplitude * np.sqrt(gain), mean_power=self.mean_power * gain)
+
+
+_BY_ECHO = ("row", "range_m", "amplitude", "mean_power", "source", "sidelobe", "closing_mps")
 
 
 def point_echoes(
@@ -93,6 +93,7 @@ def point_echoes(
         material=np.zeros(count, np.uint8),
         moving=np.zeros(count, np.bool_),
         surfaces=np.zeros((count, 1), np.uint32),
+        coherent=np.ones(count, np.bool_),
     )
     amplitude = np.asarray(amplitude, np.complex64)
     return Echoes(

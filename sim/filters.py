@@ -5,7 +5,7 @@ out still casts its shadow; `scenes.removal.without` takes a thing out of the wo
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ _SWITCHES = {
     Component.NOISE: ("thermal_noise",),
     Component.LEAKAGE: ("leakage",),
     Component.SPOKE: ("saturation", "phase_noise", "quantisation"),
+    Component.RAIN: ("rain",),
+    Component.INTERFERENCE: ("interference",),
 }
 """What of the receiver makes a component that is no echo."""
 
@@ -29,7 +31,7 @@ class EchoFilter:
 
     bounces: orders, 1 direct; components: of `Component`, by number or name; instances, classes: ids of
     things and names of classes, of any surface on an echo's path, or of the last alone if `last_only`.
-    NOISE, LEAKAGE and SPOKE are no echoes but the receiver's: a filter of components may name them, without
+    NOISE, LEAKAGE, SPOKE, RAIN and INTERFERENCE are no echoes of things: a filter of components may name them, without
     other conditions.
     """
 
@@ -59,7 +61,7 @@ class EchoFilter:
         others = (self.bounces, self.instances, self.classes)
         if self.receiver_components and any(each is not None for each in others):
             raise ValueError(
-                "noise, leakage and spoke are no echoes: they have no bounces, instance or class"
+                "noise, leakage, spoke, rain and interference are no echoes of things: they have no bounces, instance or class"
             )
 
     @property
@@ -121,8 +123,7 @@ class Selection:
         off = frozenset[Component]().union(*(each.receiver_components for each in self.without))
         if self.only is not None and self.only.components is not None:
             off |= _SWITCHES.keys() - self.only.component_set
-        switches = {switch: False for component in off for switch in _SWITCHES[component]}
-        return replace(artefacts, **switches) if switches else artefacts
+        return artefacts.without(*(switch for component in off for switch in _SWITCHES[component]))
 
 
 def selection(only: EchoFilter | None = None, without: EchoFilter | Sequence[EchoFilter] = ()) -> Selection:

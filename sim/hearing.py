@@ -41,12 +41,12 @@ class Heard:
 class Hearing:
     """Spreads return paths over the rows that hear them."""
 
-    def __init__(self, sensor: Sensor, antenna: Antenna, *, floor_w: float, doppler: bool) -> None:
+    def __init__(self, sensor: Sensor, antenna: Antenna, *, floor_w: float) -> None:
         self._sensor = sensor
         self._floor_w = floor_w
         self._table = mi.Float(antenna.azimuth_two_way.astype(np.float32))
         self._steps = len(antenna.azimuth_two_way) - 1
-        self._shift_s = sensor.doppler_shift_s if doppler else np.zeros(sensor.azimuths)
+        self._shift_s = sensor.doppler_shift_s
         self._shift_table = mi.Float(self._shift_s.astype(np.float32))
         self._reach_rows = self._rows_by_level(antenna)
 

@@ -64,18 +64,27 @@ class RowPoses:
     row_s: float
 
 
-def row_poses(track: Trajectory, turn: Turn, *, height_m: float, distortion: bool = True) -> RowPoses:
+def spread_times(turn: Turn, share: float) -> NDArray[np.float64]:
+    """Return the times (azimuths,) of the rows [s], drawn together to a share of the turn about its middle."""
+    if share == 1:
+        return turn.times_s
+    return turn.middle_s + share * (turn.times_s - turn.middle_s)
+
+
+def row_poses(track: Trajectory, turn: Turn, *, height_m: float, distortion: float = 1.0) -> RowPoses:
     """Return the antenna's motion through one scan; without `distortion` it stands at its mid-scan pose.
+
+    `distortion` is the share of the turn's time over which the rows spread.
 
     The velocity stays when the distortion is switched off, so that the Doppler shift does.
     """
-    times = turn.times_s if distortion else np.full(turn.azimuths, turn.middle_s)
+    times = spread_times(turn, distortion)
     pose = track.pose(times)
     return RowPoses(
         position=pose[:, :3] + [0.0, 0.0, height_m],
         yaw=pose[:, 3],
         velocity=track.velocity(times)[:, :3],
-        row_s=turn.row_s if distortion else 0.0,
+        row_s=turn.row_s * distortion,
     )
 
 
@@ -92,7 +101,7 @@ class MoverStates:
 
 
 def mover_states(
-    movers: Sequence[Mover], turn: Turn, *, near: NDArray[np.float64], reach_m: float, distortion: bool = True
+    movers: Sequence[Mover], turn: Turn, *, near: NDArray[np.float64], reach_m: float, distortion: float = 1.0
 ) -> MoverStates:
     """Return the states of the movers within `reach_m` of the point `near` (2 or more,) [m] at mid-scan."""
     close = [
@@ -100,7 +109,7 @@ def mover_states(
         for mover in movers
         if math.dist(mover.track.pose(np.float64(turn.middle_s))[:2], near[:2]) <= reach_m
     ]
-    times = turn.times_s if distortion else np.full(turn.azimuths, turn.middle_s)
+    times = spread_times(turn, distortion)
     shape = (len(close), turn.azimuths, 4)
     return MoverStates(
         movers=tuple(close),

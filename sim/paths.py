@@ -114,7 +114,6 @@ class Scatterer:
         link: float,
         elevation_gain: np.ndarray,
         seed: int,
-        speckle: bool,
     ) -> None:
         """`link`: Pt lambda^2 G0^2 / ((4 pi)^2 L) [W m^2]; `elevation_gain`: one-way table, even in angle."""
         self._surfaces = surfaces
@@ -122,7 +121,6 @@ class Scatterer:
         self._elevation = mi.Float(elevation_gain.astype(np.float32))
         self._steps = len(elevation_gain) - 1
         self._seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
-        self._speckle = speckle
         self._texture = Texture()
 
     def _gain_towards(self, direction: "mi.Vector3f", active: "mi.Bool") -> "mi.Float":
@@ -148,8 +146,6 @@ class Scatterer:
         of one, so the reflectivity falls by E[k^2] / k' = k' + variance / k'. Rays are more even than random
         ones: variance / k' is close to 1 / (1 + k' / 2), as a test counts on drawn sets.
         """
-        if not self._speckle:
-            return mi.Float64(0), mi.Float(1), mi.Float(0)
         step = patch_step(mean_rays)
         key = patch_key(hits.local, step, hits.owner, self._seed)
         real, imag = reflectivity(key)

@@ -58,10 +58,14 @@ def _delay(sensor: Sensor, step_hz: float, count: int) -> NDArray[np.complex64]:
 
 
 def noisy_beat(
-    grid: NDArray[np.complex64], sensor: Sensor, *, rng: np.random.Generator
+    grid: NDArray[np.complex64], sensor: Sensor, *, rng: np.random.Generator, level: float = 1.0
 ) -> NDArray[np.float32]:
-    """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes, phase noise included."""
-    return with_phase(grid, sensor, phase_noise(sensor, rows=len(grid), count=_count(sensor), rng=rng))
+    """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes, phase noise included.
+
+    `level`: amplitude of the phase over the sensor's own.
+    """
+    phase = phase_noise(sensor, rows=len(grid), count=_count(sensor), rng=rng)
+    return with_phase(grid, sensor, phase if level == 1 else phase * np.float32(level))
 
 
 def with_phase(

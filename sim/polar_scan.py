@@ -21,6 +21,8 @@ class Component(IntEnum):
     GHOST = 3
     SIDELOBE = 4
     SPOKE = 5
+    RAIN = 6
+    INTERFERENCE = 7
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,6 +40,7 @@ class Received:
     noise: NDArray[np.float32]
     distortion: NDArray[np.float32]
     saturated: NDArray[np.bool_]
+    others: NDArray[np.float32] | None
     beat: BeatSignal | None = None
 
 
@@ -54,10 +55,13 @@ def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
     return echo_grid(echoes, sensor, rows=1)
 
 
-def thermal_noise(sensor: Sensor, *, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Draw the noise of all samples of a scan (azimuths, samples) float32 [sqrt(W)], white, k T0 F fs / 2."""
+def thermal_noise(sensor: Sensor, *, rng: np.random.Generator, kelvin: float) -> NDArray[np.float32] | None:
+    """Draw the noise of all samples of a scan (azimuths, samples) float32 [sqrt(W)], white, k T fs / 2."""
+    if not kelvin:
+        return None
     draws = rng.standard_normal((sensor.azimuths, sensor.samples), dtype=np.float32)
-    return draws * np.float32(math.sqrt(sensor.thermal_noise_w))
+    power_w = sensor.thermal_noise_w * (kelvin / sensor.noise_temperature_k)
+    return draws * np.float32(math.sqrt(power_w))
 
 
 def convert(
@@ -65,17 +69,17 @@ def convert(
 ) -> tuple[BeatSignal, NDArray[np.bool_]]:
     """Return what the converter makes of a signal (rows, samples), and which rows (rows,) it clips.
 
-    A step is that of its bits. Without them (`artefacts.quantisation` off) a row has the finest that 16 bits
-    allow it.
+    Without quantisation a row has the finest steps that 16 bits allow it.
     """
-    full_scale = full_scale_amplitude(sensor)
+    strengths = artefacts.strengths(sensor)
+    full_scale = full_scale_amplitude(sensor) / (strengths.saturation or 1.0)
     clipped = np.zeros(len(signal), np.bool_)
-    if artefacts.saturation:
+    if strengths.saturation:
         clipped = np.abs(signal).max(axis=1) > full_scale
         signal = np.clip(signal, -full_scale, full_scale)
-    if not artefacts.quantisation:
+    if not strengths.quantisation:
         return finely_sampled(signal), clipped
-    step = np.full(len(signal), 2 * full_scale / 2**sensor.adc_bits, np.float32)
+    step = np.full(len(signal), full_scale * strengths.quantisation, np.float32)
     return sampled(signal, step), clipped
 
 
@@ -86,22 +90,28 @@ def receive(
     *,
     noise_rng: np.random.Generator,
     phase_rng: np.random.Generator,
+    others: NDArray[np.float32] | None = None,
     keep_beat: bool = False,
 ) -> Received:
     """Return the written power of a scan's grid of echoes (azimuths, fft_size / 2), and what made it.
 
     The linear parts (echo, noise) and the whole are transformed alike; what the whole has beyond them is
-    distortion. With `keep_beat` the signal that the power was made from comes along.
+    distortion; `others` (azimuths, samples) [sqrt(W)], what other radars send, is part of it. With
+    `keep_beat` the signal that the power was made from comes along.
     """
-    noise = thermal_noise(sensor, rng=noise_rng) if artefacts.thermal_noise else None
-    leak = leakage_grid(sensor) if artefacts.leakage else np.zeros((1, grid.shape[1]), np.complex64)
+    strengths = artefacts.strengths(sensor)
+    noise = thermal_noise(sensor, rng=noise_rng, kelvin=strengths.thermal_noise)
+    leak = leakage_grid(sensor) * np.float32(math.sqrt(strengths.leakage))
     steps = [1] + 3 * [PART_STEP]
     parts = [np.empty((sensor.azimuths, -(-sensor.bins // step)), np.float32) for step in steps]
     saturated = np.zeros(sensor.azimuths, np.bool_)
     beats = []
     for rows in row_blocks(sensor.azimuths):
         noise_rows = None if noise is None else noise[rows]
-        signal, block, saturated[rows] = _block(grid[rows] + leak, noise_rows, sensor, artefacts, phase_rng)
+        others_rows = None if others is None else others[rows]
+        signal, block, saturated[rows] = _block(
+            grid[rows] + leak, noise_rows, others_rows, sensor, artefacts, phase_rng
+        )
         for whole, values, step in zip(parts, block, steps, strict=True):
             written_power(values, sensor, step=step, out=whole[rows])
         if keep_beat:
@@ -112,13 +122,25 @@ def receive(
         noise=parts[2],
         distortion=parts[3],
         saturated=saturated,
+        others=_others_power(others, sensor),
         beat=joined(beats) if keep_beat else None,
     )
+
+
+def _others_power(others: NDArray[np.float32] | None, sensor: Sensor) -> NDArray[np.float32] | None:
+    """Return the written power (azimuths, bins / PART_STEP) of what other radars send."""
+    if others is None:
+        return None
+    power = np.empty((sensor.azimuths, -(-sensor.bins // PART_STEP)), np.float32)
+    for rows in row_blocks(sensor.azimuths):
+        written_power(spectrum(others[rows], sensor, step=PART_STEP), sensor, step=PART_STEP, out=power[rows])
+    return power
 
 
 def _block(
     grid: NDArray[np.complex64],
     noise: NDArray[np.float32] | None,
+    others: NDArray[np.float32] | None,
     sensor: Sensor,
     artefacts: Artefacts,
     phase_rng: np.random.Generator,
@@ -126,12 +148,15 @@ def _block(
     """Return some rows' signal, spectra (whole; echoes, noise, distortion in steps), and what is clipped."""
     silence = np.zeros((len(grid), -(-sensor.bins // PART_STEP)), np.complex64)
     clean = beat(grid, sensor)
-    signal = noisy_beat(grid, sensor, rng=phase_rng) if artefacts.phase_noise else clean
-    if noise is not None:
-        signal = signal + noise
+    strengths = artefacts.strengths(sensor)
+    level = strengths.phase_noise / sensor.phase_noise_rad
+    signal = noisy_beat(grid, sensor, rng=phase_rng, level=level) if level else clean
+    for more in (noise, others):
+        if more is not None:
+            signal = signal + more
     converted, saturated = convert(signal, sensor, artefacts)
     whole = spectrum(converted.amplitude(), sensor)
     clean_spectrum = spectrum(clean, sensor, step=PART_STEP)
     noise_spectrum = silence if noise is None else spectrum(noise, sensor, step=PART_STEP)
-    distortion = silence if artefacts.linear else whole[:, ::PART_STEP] - clean_spectrum - noise_spectrum
+    distortion = silence if strengths.linear else whole[:, ::PART_STEP] - clean_spectrum - noise_spectrum
     return converted, [whole, clean_spectrum, noise_spectrum, distortion], saturated

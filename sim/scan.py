@@ -5,6 +5,7 @@ scan = simulator.scan(0)
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -12,22 +13,25 @@ from numpy.typing import NDArray
 
 from echoscape.scenes.trajectory import Trajectory
 from echoscape.scenes.world import CLASSES, Mover, Town
+from echoscape.sim.artefact_echoes import changed, speckled_grid
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.filters import EchoFilter, selection
+from echoscape.sim.interference import other_radars
+from echoscape.sim.intersection import World
 from echoscape.sim.motion import MoverStates, Turn, mover_states, row_poses, turns
 from echoscape.sim.polar_scan import EPOCH_US, PolarScan, ScanTruth
 from echoscape.sim.quantiser import codes
+from echoscape.sim.rain import rain_grid
 from echoscape.sim.receiver import receive
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.town_scene import TownScene
 from echoscape.sim.trace import Tracer
 from echoscape.sim.trace_settings import TraceSettings
 from echoscape.sim.truth import Labeller, mover_boxes
-from echoscape.sim.waveform import echo_grid
 
-_STAGES = {"turns": 301, "noise": 302, "phase_noise": 303}
+_STAGES = {"turns": 301, "noise": 302, "phase_noise": 303, "interference": 305, "rain": 306, "movers": 307}
 
 
 class HasTrajectory(Protocol):
@@ -60,20 +64,16 @@ class Simulator:
         self.artefacts = artefacts or Artefacts()
         self._seed = seed
         self._track = drive.trajectory
-        self._movers = tuple(movers) if self.artefacts.movers else ()
+        self._movers = tuple(movers)
         self.instance_class = _instance_classes(town, movers)
-        settings = settings or TraceSettings()
-        if not self.artefacts.ghosts:
-            settings = TraceSettings(rays=settings.rays, max_bounces=1, floor_db=settings.floor_db)
+        self._scene = TownScene(town, self._movers)
         self._tracer = Tracer(
-            TownScene(town, self._movers),
+            self._scene,
             sensor,
-            settings,
+            settings or TraceSettings(),
             instance_class=self.instance_class,
             targets=town.targets,
             seed=seed,
-            speckle=self.artefacts.speckle,
-            doppler=self.artefacts.doppler,
         )
         self._labeller = Labeller(sensor, self.instance_class)
         self._turns: list[Turn] = []
@@ -95,11 +95,32 @@ class Simulator:
         return self._turns[index]
 
     def echoes(self, index: int) -> Echoes:
-        """Trace scan `index` and return its echoes, before the receiver."""
-        turn, distortion = self.turn(index), self.artefacts.motion_distortion
-        poses = row_poses(self._track, turn, height_m=self.sensor.mount_height_m, distortion=distortion)
-        traced = self._tracer.trace(poses, self._states(turn))
-        return traced if self.artefacts.sidelobes else traced.select(~traced.sidelobe)
+        """Trace scan `index` and return its echoes as the artefacts leave them, before the receiver."""
+        return changed(self._traced(index, self.artefacts), self.artefacts, self.sensor)
+
+    def _traced(self, index: int, artefacts: Artefacts) -> Echoes:
+        """Return the echoes of scan `index` as physics has them, of the paths that `artefacts` lets be."""
+        turn = self.turn(index)
+        rolling = artefacts.motion_distortion
+        poses = row_poses(self._track, turn, height_m=self.sensor.mount_height_m, distortion=rolling)
+        return self._tracer.trace(poses, self._states(turn, artefacts), ghosts=artefacts.ghosts > 0)
+
+    def scans(self, index: int, settings: Sequence[Artefacts]) -> list[PolarScan]:
+        """Make scan `index` under each of several artefact settings, tracing it once.
+
+        Only settings that differ in motion distortion or movers, which change where rays go, are traced
+        anew.
+        """
+        traced: dict[tuple[float, float], Echoes] = {}
+        scans = []
+        for artefacts in settings:
+            paths = (artefacts.motion_distortion, artefacts.movers)
+            if paths not in traced:
+                every = [each.ghosts for each in settings if (each.motion_distortion, each.movers) == paths]
+                traced[paths] = self._traced(index, replace(artefacts, ghosts=max(every)))
+            echoes = changed(traced[paths], artefacts, self.sensor)
+            scans.append(self._received(index, echoes, artefacts, keep_beat=False))
+        return scans
 
     def scan(
         self,
@@ -115,27 +136,37 @@ class Simulator:
         `only` and `without` leave out echoes by what made them; to ask much of one scan, trace its `echoes`
         once and hand them in. The receiver's draws are the same for all.
         """
-        turn, sensor = self.turn(index), self.sensor
         chosen = selection(only, without)
-        artefacts = chosen.artefacts(self.artefacts)
-        echoes = chosen.echoes(self.echoes(index) if echoes is None else echoes, self.instance_class)
+        left = chosen.echoes(self.echoes(index) if echoes is None else echoes, self.instance_class)
+        return self._received(index, left, chosen.artefacts(self.artefacts), keep_beat=keep_beat)
+
+    def _received(self, index: int, echoes: Echoes, artefacts: Artefacts, *, keep_beat: bool) -> PolarScan:
+        """Return what the receiver makes of echoes."""
+        turn, sensor = self.turn(index), self.sensor
+        grid = speckled_grid(echoes, sensor, speckle=artefacts.speckle)
+        if artefacts.rain:
+            grid += rain_grid(
+                sensor, self._tracer.antenna, rate_mm_h=artefacts.rain, rng=self._rng(index, "rain")
+            )
+        states = self._states(turn, artefacts)
         received = receive(
-            echo_grid(echoes, sensor),
+            grid,
             sensor,
             artefacts,
             noise_rng=self._rng(index, "noise"),
             phase_rng=self._rng(index, "phase_noise"),
+            others=self._others(index, states, artefacts),
             keep_beat=keep_beat,
         )
         middle = turn.middle_s
         truth = ScanTruth(
-            cells=self._labeller.label(echoes, received, leakage=artefacts.leakage),
+            cells=self._labeller.label(echoes, received, artefacts),
             pose=self._track.pose(turn.times_s),
             middle_pose=self._track.pose(np.float64(middle)),
             middle_us=EPOCH_US + round(middle * 1e6),
             saturated=received.saturated,
             first_m=echoes.first_m,
-            boxes=mover_boxes(self._states(turn)),
+            boxes=mover_boxes(states),
         )
         return PolarScan(
             codes=codes(received.power),
@@ -149,15 +180,40 @@ class Simulator:
             beat=received.beat,
         )
 
-    def _states(self, turn: Turn) -> MoverStates:
+    def _others(self, index: int, states: MoverStates, artefacts: Artefacts) -> NDArray[np.float32] | None:
+        """Return what other cars' radars add to the beat signals, None where they are silent."""
+        if not artefacts.interference:
+            return None
+        turn, rolling = self.turn(index), artefacts.motion_distortion
+        poses = row_poses(self._track, turn, height_m=self.sensor.mount_height_m, distortion=rolling)
+        return other_radars(
+            World(self._scene, states, self.sensor.azimuths),
+            states,
+            poses,
+            self.sensor,
+            self._tracer.antenna,
+            times_s=turn.times_s,
+            eirp_w=artefacts.interference,
+            seed=self._seed,
+            rng=self._rng(index, "interference"),
+        )
+
+    def _states(self, turn: Turn, artefacts: Artefacts) -> MoverStates:
         near = self._track.pose(np.float64(turn.middle_s))
         return mover_states(
-            self._movers,
+            [mover for mover in self._movers if self._is_there(mover, artefacts.movers)],
             turn,
             near=near,
             reach_m=self.sensor.range_m + 10.0,
-            distortion=self.artefacts.motion_distortion,
+            distortion=artefacts.motion_distortion,
         )
+
+    def _is_there(self, mover: Mover, share: float) -> bool:
+        """Whether a mover is among the share of them that is there, in every scan alike."""
+        if share in (0.0, 1.0):
+            return share == 1.0
+        draw = np.random.SeedSequence([self._seed, mover.instance, _STAGES["movers"]]).generate_state(1)[0]
+        return bool(draw < share * 2**32)
 
 
 def _encoder(sensor: Sensor) -> NDArray[np.uint16]:

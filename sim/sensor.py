@@ -176,6 +176,17 @@ class Sensor:
         return self.bins * self.bin_m
 
     @property
+    def noise_temperature_k(self) -> float:
+        """Noise temperature of the receiver T0 F [K]."""
+        return STANDARD_TEMPERATURE * 10 ** (self.noise_figure_db / 10)
+
+    @property
+    def phase_noise_rad(self) -> float:
+        """Standard deviation of the synthesiser's phase [rad]: one-sided density 2 L0 / (1 + (f / fc)^2)."""
+        level, corner_hz = 10 ** (self.phase_noise_dbc_hz / 10), self.phase_noise_corner_hz
+        return math.sqrt(2 * level * corner_hz * math.atan(self.sample_hz / 2 / corner_hz))
+
+    @property
     def thermal_noise_w(self) -> float:
         """Thermal noise k T0 F in the band of the samples, fs / 2 [W]."""
         figure = 10 ** (self.noise_figure_db / 10)

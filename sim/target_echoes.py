@@ -65,12 +65,11 @@ class TargetEchoes:
         antenna: Antenna,
         *,
         floor_w: float,
-        doppler: bool,
     ) -> None:
         self._placed = [each for each in targets if each.target.coherent]
         self._sensor, self._antenna, self._floor_w = sensor, antenna, floor_w
         self._scale = math.sqrt(link_w_m2(sensor)) / sensor.wavelength_m
-        self._shift_s = sensor.doppler_shift_s if doppler else np.zeros(sensor.azimuths)
+        self._shift_s = sensor.doppler_shift_s
         self._step_m = sensor.resolution_m / _STEPS_PER_CELL
         self._spacing = 2 * math.pi / sensor.azimuths
 
@@ -97,6 +96,7 @@ class TargetEchoes:
             ),
             moving=np.zeros(count, np.bool_),
             surfaces=instance[:, None],
+            coherent=np.ones(count, np.bool_),
         )
         names = [field.name for field in fields(Heard)]
         return returns, Heard(**{k: np.concatenate([getattr(each, k) for each in heard]) for k in names})

@@ -50,8 +50,6 @@ class Tracer:
         instance_class: NDArray[np.uint8],
         targets: Sequence[PlacedTarget] = (),
         seed: int,
-        speckle: bool = True,
-        doppler: bool = True,
     ) -> None:
         """`instance_class` (I,) names the class of every instance id, movers included.
 
@@ -60,7 +58,7 @@ class Tracer:
         self._scene = scene
         self._sensor = sensor
         self._settings = settings
-        antenna = Antenna(sensor)
+        self.antenna = antenna = Antenna(sensor)
         rng = np.random.default_rng(np.random.SeedSequence([seed, RAYS_STAGE]))
         chosen = draw_directions(antenna, rays=settings.rays, rng=rng)
         elevation = chosen.elevation_rad + math.radians(sensor.mount_tilt_deg)
@@ -86,27 +84,30 @@ class Tracer:
             link=link_w_m2(sensor),
             elevation_gain=gain,
             seed=seed,
-            speckle=speckle,
         )
         floor_units = sensor.noise_units * 10 ** (settings.floor_db / 10)
         self._floor_w = (
             floor_units / units_per_watt(sensor) / 10 ** (max(y for _, y in sensor.range_gain_db) / 10)
         )
-        self._hearing = Hearing(sensor, antenna, floor_w=self._floor_w, doppler=doppler)
+        self._hearing = Hearing(sensor, antenna, floor_w=self._floor_w)
         self._obstacle = ~np.isin(instance_class, GROUND_CLASSES)
-        self._targets = TargetEchoes(targets, sensor, antenna, floor_w=self._floor_w, doppler=doppler)
+        self._targets = TargetEchoes(targets, sensor, antenna, floor_w=self._floor_w)
         coherent = np.isin(np.arange(len(instance_class)), self._targets.instances)
         self._coherent = mi.Bool(coherent)
 
-    def trace(self, poses: RowPoses, states: MoverStates) -> Echoes:
-        """Return the echoes of one scan for the antenna at `poses` and the movers at `states`."""
+    def trace(self, poses: RowPoses, states: MoverStates, *, ghosts: bool = True) -> Echoes:
+        """Return the echoes of one scan for the antenna at `poses` and the movers at `states`.
+
+        Without `ghosts` only direct echoes are looked for; they are the same as with them.
+        """
+        max_bounces = self._settings.max_bounces if ghosts else 1
         world = World(self._scene, states, self._sensor.azimuths)
         self._hearing.place(poses)
         rays = self._first_rays(poses)
         heard: list[tuple[ReturnPaths, Heard] | None] = []
         met: list[_Met] = []
         first_m = np.full(self._sensor.azimuths, np.inf, np.float32)
-        for depth in range(1, self._settings.max_bounces + 1):
+        for depth in range(1, max_bounces + 1):
             hits = self._meet(world, rays)
             if depth == 1:
                 first_m = self._first_obstacle(hits)
@@ -117,12 +118,12 @@ class Tracer:
             rays.only_targets &= dr.gather(mi.Bool, self._coherent, hits.instance)
             dr.eval(rays, hits)
             met.append(_Met(rays.number.numpy(), hits.instance.numpy()))
-            if 2 * depth - 1 <= self._settings.max_bounces:
+            if 2 * depth - 1 <= max_bounces:
                 heard.append(self._hearing.hear(self._scatterer.same_path(rays, hits, depth=depth)))
             if depth > 1:
                 loops = self._loops(world, rays, hits, poses, depth=depth)
                 heard.append(self._hearing.hear(loops) if loops else None)
-            if depth < self._settings.max_bounces:
+            if depth < max_bounces:
                 onward = self._onward(rays, hits, depth=depth)
                 if onward is None:
                     break
@@ -236,6 +237,7 @@ def _returns(paths: ReturnPaths, met: Sequence[_Met]) -> Returns:
         material=paths.material.numpy().astype(np.uint8),
         moving=paths.moving.numpy(),
         surfaces=np.stack(surfaces, axis=1),
+        coherent=np.zeros(count, np.bool_),
     )
 
 
@@ -252,6 +254,7 @@ def _gathered(heard: Sequence[tuple[Returns, Heard]], first_m: NDArray[np.float3
             [np.zeros((0, deepest), np.uint32)]
             + [np.pad(each.surfaces, ((0, 0), (0, deepest - each.surfaces.shape[1]))) for each, _ in heard]
         ),
+        coherent=_joined([each.coherent for each, _ in heard], np.bool_),
     )
     return Echoes(
         row=_joined([part.row for _, part in heard], np.int32),

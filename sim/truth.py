@@ -12,11 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.world import CLASSES
+from echoscape.sim.antenna import Antenna
+from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.backend import dr, mi
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.link import range_gain, units_per_watt, window, written_units
 from echoscape.sim.motion import MoverStates
 from echoscape.sim.polar_scan import CellTruth, Component, MoverBoxes
+from echoscape.sim.rain import rain_amplitude
 from echoscape.sim.receiver import PART_STEP, Received, leakage_grid
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.waveform import BIN_CENTRE, beat, grid_place, spectrum
@@ -66,7 +69,7 @@ class Labeller:
         leak = np.abs(spectrum(beat(leakage_grid(sensor), sensor), sensor, step=PART_STEP)) ** 2
         self._leakage = (leak * (written_units(sensor) * range_gain(sensor, ranges))).astype(np.float32)
 
-    def label(self, echoes: Echoes, received: Received, *, leakage: bool = True) -> CellTruth:
+    def label(self, echoes: Echoes, received: Received, artefacts: Artefacts) -> CellTruth:
         """Return the truth of every cell of a scan; pairs of bins share what echoes they hold."""
         component = self._largest(received)
         cells = np.flatnonzero(component == Component.DIRECT)
@@ -75,8 +78,12 @@ class Labeller:
         power, kind, source = self._strongest(echoes, cells)
         explained = power * self._unit_gain[step] >= EXPLAINED * echo
         kind = np.where(explained, kind, np.uint8(Component.SIDELOBE))
-        if leakage:
-            leaks = self._leakage[0, step] * 2 >= echo
+        if artefacts.rain:
+            rains = self._rain(artefacts.rain)[step] > power * self._unit_gain[step]
+            kind = np.where(rains, np.uint8(Component.RAIN), kind)
+            explained &= ~rains
+        if artefacts.leakage:
+            leaks = self._leakage[0, step] * (2 * artefacts.leakage) >= echo
             kind = np.where(leaks, np.uint8(Component.LEAKAGE), kind)
             explained &= ~leaks
         component.ravel()[cells] = kind
@@ -84,12 +91,21 @@ class Labeller:
         # What the quantiser cannot tell from nothing is noise, whatever it came from.
         return _by_bin(named, heard=received.power > 1.5)
 
+    def _rain(self, rate_mm_h: float) -> NDArray[np.float32]:
+        """Return the mean power of rain in every step of range (S,)."""
+        spread = np.sum(_spread_shape(self._sensor)) * 2 - 1  # both sides of the point spread, in steps
+        power = rain_amplitude(self._sensor, Antenna(self._sensor), rate_mm_h)[: self._sensor.bins] ** 2
+        return (power[::PART_STEP] * (spread * PART_STEP) * self._unit_gain).astype(np.float32)
+
     def _largest(self, received: Received) -> NDArray[np.uint8]:
-        """Return NOISE, DIRECT (any echo) or SPOKE by the largest of a cell's parts."""
+        """Return NOISE, DIRECT (any echo), SPOKE or INTERFERENCE by the largest of a cell's parts."""
         component = np.full(received.echo.shape, Component.NOISE, np.uint8)
         echo = (received.echo > received.noise) & (received.echo >= received.distortion)
         component[echo] = Component.DIRECT
         component[(received.distortion > received.noise) & ~echo] = Component.SPOKE
+        if received.others is not None:
+            foreign = (component == Component.SPOKE) & (received.others * 2 >= received.distortion)
+            component[foreign] = Component.INTERFERENCE
         return component
 
     def _strongest(
