@@ -9,6 +9,7 @@ COMMANDS = {
     "simulate": "make a dataset: a town, a drive through it, its radar scans and their truth",
     "scene": "build a world without any radar: its plan, its numbers, a model for viewers",
     "view": "write a page to step through a data set in a browser, small enough to mail",
+    "fidelity": "judge a folder of scans by the statistics of real ones: table, JSON, plots",
 }
 """Subcommands and what they do; each is a module of this package with `main(arguments) -> int`."""
 

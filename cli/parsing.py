@@ -5,7 +5,7 @@ import os
 import re
 from collections.abc import Sequence
 from contextlib import redirect_stderr
-from typing import TypeVar
+from typing import TypeVar, cast
 from unittest.mock import patch
 
 import tyro
@@ -32,11 +32,11 @@ def parsed(
         ArgumentsError: an argument is unknown, unreadable or refused by the settings.
     """
     if {"-h", "--help"} & set(arguments):
-        return tyro.cli(kind, prog=prog, args=list(arguments), default=default)
+        return cast("Settings", tyro.cli(kind, prog=prog, args=list(arguments), default=default))
     told = io.StringIO()
     try:
         with redirect_stderr(told), patch.dict(os.environ, _WIDE):
-            return tyro.cli(kind, prog=prog, args=list(arguments), default=default)
+            return cast("Settings", tyro.cli(kind, prog=prog, args=list(arguments), default=default))
     except SystemExit as leaving:
         if not leaving.code:
             raise

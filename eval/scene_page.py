@@ -212,8 +212,11 @@ def _row(figure: Figure, y: float, name: str, value: str, *, colour: str | None 
     return y - _LINE
 
 
-def _text(figure: Figure, x: float, y: float, text: str, *, size: float, **look: str) -> None:
-    figure.text(x, y, text, size=size, va="center", family=_family(), **{"color": INK, **look})
+def _text(
+    figure: Figure, x: float, y: float, text: str, *, size: float,
+    color: str = INK, ha: str = "left", weight: str = "normal",
+) -> None:  # fmt: skip
+    figure.text(x, y, text, size=size, color=color, ha=ha, weight=weight, va="center", family=_family())
 
 
 def _family() -> list[str]:

@@ -132,7 +132,8 @@ class Reservations:
 
     def __init__(self, conflict: NDArray[np.bool_], ego: EgoCrossings) -> None:
         """Start with all junctions free."""
-        self._conflict = conflict
+        # Sets, not the table: this is asked some hundred times a step, of a handful of lanes each time.
+        self._conflict = [frozenset(np.flatnonzero(row).tolist()) for row in conflict]
         self._ego = ego
         self._held: dict[tuple[int, int], tuple[tuple[int, ...], bool]] = {}
 
@@ -155,11 +156,12 @@ class Reservations:
         One may go in behind another from the same approach if both are `compact`, short for the bends of
         their run.
         """
+        against = frozenset().union(*(self._conflict[lane] for lane in run))
         for (other, other_approach), (other_run, other_compact) in self._held.items():
             if other == vehicle:
                 continue
             behind = other_approach == approach and other_run[0] == run[0] and compact and other_compact
-            if not behind and self._conflict[np.ix_(run, other_run)].any():
+            if not behind and not against.isdisjoint(other_run):
                 return False
         if not self._ego.free(run, approach, now_s=now_s, until_s=until_s):
             return False

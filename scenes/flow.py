@@ -33,7 +33,8 @@ _LONG_M, _WIDE_M = 7.0, 9.0
 class Fleet:
     """M vehicles at the start: lane (M,), station_m (M,) along it, length_m (M,), top_mps (M,), zeal (M,).
 
-    `zeal` is the share of the lanes' speed that a driver goes at; `liking` (N,) weighs the lanes to turn to.
+    `zeal` is the share of the lanes' speed that a driver goes at; `liking` (N,) weighs the lanes to turn to,
+    `may_use` (M, N) says which each can drive along for ever.
     """
 
     lane: NDArray[np.intp]
@@ -42,6 +43,7 @@ class Fleet:
     top_mps: NDArray[np.float64]
     zeal: NDArray[np.float64]
     liking: NDArray[np.float64]
+    may_use: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +144,7 @@ class _Flow:
             if self.tables.inside[lane] or self.crossings.holds(vehicle, lane):
                 continue
             way = self.ego.way_from(lane, self.now)
-            if way:
+            if way and self.fleet.may_use[vehicle, way].all():
                 self.ahead[vehicle] = way
                 self._plan(vehicle)
         return pressed
@@ -193,9 +195,9 @@ class _Flow:
     def _plan(self, vehicle: int) -> None:
         """Extend the lanes ahead of `vehicle` up to a street beyond the next junction."""
         ahead = self.ahead[vehicle]
-        long = bool(self.length[vehicle] > _LONG_M)
+        liking, may_use = self.fleet.liking, self.fleet.may_use[vehicle]
         while len(ahead) < _AHEAD or self.tables.inside[ahead[-1]]:
-            ahead.append(self.tables.choose(ahead, liking=self.fleet.liking, long=long, rng=self.rng))
+            ahead.append(self.tables.choose(ahead, liking=liking, may_use=may_use, rng=self.rng))
         self.queue[vehicle] = ahead[:_AHEAD]
 
     def _change_lanes(self) -> None:

@@ -10,6 +10,8 @@ from echoscape.scenes import roofs
 from echoscape.scenes.facades import Frame, Grid, Quads, grid
 from echoscape.scenes.site import Site, columns, flat_top
 
+_HEADROOM_M = 2.15
+
 
 @dataclass(frozen=True, kw_only=True)
 class _HouseLook:
@@ -125,9 +127,10 @@ def _shopfront(site: Site, frame: Frame, storey_m: float) -> Grid:
     site.add("metal", frame.to_world(fc.mullions(row)))
     site.add("wood", frame.to_world(fc.boxes(0.15, length - 0.15, 0.82 * storey_m, 0.99 * storey_m, 0.14)))
     if site.rng.random() < 0.5:
-        z = 0.82 * storey_m
+        high = 0.97 * storey_m
+        low = max(high - 0.5, _HEADROOM_M)
         awning = np.array(
-            [[[0.3, z - 0.5, 1.2], [length - 0.3, z - 0.5, 1.2], [length - 0.3, z, 0.05], [0.3, z, 0.05]]]
+            [[[0.3, low, 1.2], [length - 0.3, low, 1.2], [length - 0.3, high, 0.05], [0.3, high, 0.05]]]
         )
         site.add("wood", frame.to_world(np.concatenate([awning, awning[:, ::-1] - [0, 0.02, 0]])))
     return row

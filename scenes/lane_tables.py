@@ -4,28 +4,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.roads import Lane, RoadGraph
-from echoscape.scenes.route import LaneNetwork
 
 BEND_MPS2 = 1.8
 BRAKE_MPS2 = 1.5
 
 _GRID_M = 1.0
-_TIGHT_M = 9.0
 
 
 class LaneTables:
     """The lanes of a road graph as arrays over lane ids (N,).
 
     length_m; inside: whether within a junction; yields; start_cap_mps: the speed to begin a lane with;
-    tightest_m: the smallest radius; endless: whether one can drive on for ever from there.
+    tightest_m: the smallest radius.
     """
 
     def __init__(self, roads: RoadGraph) -> None:
         """Tabulate `roads`."""
-        network = LaneNetwork(roads)
         self.lanes = roads.lanes
-        self.length_m = network.lengths_m
-        self.endless = network.endless
+        self.length_m = np.array([lane.length_m for lane in roads.lanes])
         self.inside = np.array([lane.kind != "street" for lane in roads.lanes])
         self.yields = np.array([lane.yields for lane in roads.lanes])
         rows = [_lane_caps(lane) for lane in roads.lanes]
@@ -41,17 +37,20 @@ class LaneTables:
         return self._caps[self._offset[lane] + index]
 
     def choose(
-        self, planned: list[int], *, liking: NDArray[np.float64], long: bool, rng: np.random.Generator
+        self,
+        planned: list[int],
+        *,
+        liking: NDArray[np.float64],
+        may_use: NDArray[np.bool_],
+        rng: np.random.Generator,
     ) -> int:
-        """Draw what follows the lanes `planned`: u-turns only at dead ends, no tight bends if `long`.
+        """Draw what follows the lanes `planned`, of those that one `may_use` (N,): u-turns only at dead ends.
 
         `liking` (N,) > 0 weighs the lanes.
         """
         lane = planned[-1]
-        options = [after for after in self.lanes[lane].successors if self.endless[after]]
+        options = [after for after in self.lanes[lane].successors if may_use[after]]
         ahead = [option for option in options if self.lanes[option].kind != "u_turn"] or options
-        if long and not self.inside[lane]:
-            ahead = [option for option in ahead if self.tightest_m[option] > _TIGHT_M] or ahead
         if self.inside[lane]:  # leave a roundabout before it closes
             ahead = [
                 option for option in ahead if not set(self.lanes[option].successors) & set(planned)

@@ -11,10 +11,12 @@ import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from trimesh.resolvers import FilePathResolver
 
 from echoscape.scenes.obj_files import relabelled
 from echoscape.scenes.tables import SceneError
@@ -59,7 +61,7 @@ def mesh_sha256(path: Path) -> str:
 
 
 def read_parts(path: Path, *, up: str, scale: float) -> list[MeshPart]:
-    """Read the parts of a mesh file, scaled and with z up; `up` is the axis that points up in it, z or y.
+    """Read the parts of a mesh file by name, scaled and with z up; `up` is the axis that points up in it.
 
     Raises:
         SceneError: it cannot be read, is cut short, holds no faces, or holds numbers that make no mesh; the
@@ -70,7 +72,9 @@ def read_parts(path: Path, *, up: str, scale: float) -> list[MeshPart]:
     if up == "y":
         turn[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
     turn[:3, :3] *= scale
-    return list(_loaded(path, turn))
+    parts = list(_loaded(path, turn))
+    # Readers walk through nodes in no order of their own; instance ids must have one.
+    return sorted(parts, key=lambda part: (part.owner, part.names, part.mesh.vertices.tobytes()))
 
 
 def _check_suffix(path: Path) -> None:
@@ -119,13 +123,15 @@ def _loaded(path: Path, turn: NDArray[np.float64]) -> Iterator[MeshPart]:
 
 def _scene(path: Path, data: bytes) -> trimesh.Scene:
     """Let trimesh read a file; whatever it stumbles over becomes one line."""
+    suffix = path.suffix.lower()
+    options: dict[str, Any] = {"split_objects": True} if suffix == ".obj" else {}
     try:
         scene = trimesh.load_scene(
             io.BytesIO(data),
-            file_type=path.suffix.lower()[1:],
-            resolver=trimesh.resolvers.FilePathResolver(str(path)),
+            file_type=suffix[1:],
+            resolver=FilePathResolver(str(path)),
             process=False,
-            **({"split_objects": True} if path.suffix.lower() == ".obj" else {}),
+            **options,
         )
     except Exception as error:  # readers of broken files raise whatever their parsers do
         raise SceneError(f"{path}: broken or cut short ({type(error).__name__}: {_line(error)})") from error

@@ -69,7 +69,7 @@ class OwnWorld:
     names: tuple[str, ...]
 
 
-def read_own_scene(path: Path) -> OwnScene:
+def read_own_scene(path: str | Path) -> OwnScene:
     """Read the description of a scene and hash its mesh, which is not looked into yet.
 
     Raises:

@@ -14,6 +14,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from echoscape.scenes.roads import Lane
 
+CORNER_M = 1.0
+"""Sigma that smooths the corners of a vehicle's way."""
+
 _TRUNCATE = 4.0
 
 

@@ -1,12 +1,13 @@
 """People on the pavements: round their block, or up and down their walking line, over and over.
 
 All on one line keep one pace and keep to the right, so that they pass one another and never run into one
-another.
+another. The strip that they walk in is kept free of everything that stands.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
@@ -16,7 +17,8 @@ from echoscape.scenes.trajectory import Trajectory
 
 PACE_MPS = (0.8, 1.8)
 PAVEMENT_M = 0.12
-ASIDE_M = 0.4
+ASIDE_M = 0.38
+SHOULDERS_M = 0.64
 
 _STEP_M = 0.1
 _KNOT_S = 0.25
@@ -24,6 +26,7 @@ _SHORTEST_M = 4.0
 _CLOSED_M = 1.0
 _CORNER_M = 0.5
 _APART_M = 2.0
+_STRIP_POINTS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +35,16 @@ class Round:
 
     arc_m: NDArray[np.float64]
     xy: NDArray[np.float64]
+
+
+def walking_strips(walks: tuple[NDArray[np.float64], ...]) -> list[shapely.Polygon]:
+    """Return the ground that people sweep on both sides of `walks`, each (P, 2) [m], in short pieces."""
+    pieces = [
+        shapely.LineString(walk[first : first + _STRIP_POINTS + 1])
+        for walk in walks
+        for first in range(0, len(walk) - 1, _STRIP_POINTS)
+    ]
+    return [piece.buffer(ASIDE_M + SHOULDERS_M / 2, quad_segs=4) for piece in pieces]
 
 
 def walking_rounds(walk: NDArray[np.float64], *, aside_m: float = ASIDE_M) -> list[Round]:

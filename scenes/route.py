@@ -96,11 +96,18 @@ class LaneNetwork:
         cost = self.lengths_m + _U_TURN_COST_M * u_turn + _TURN_COST_M_PER_RAD * bend
         shape = (len(roads.lanes), len(roads.lanes))
         self.graph = csr_matrix((cost[pairs[:, 1]], (pairs[:, 0], pairs[:, 1])), shape=shape)
-        _, part = connected_components(self.graph, directed=True, connection="strong")
-        largest = int(np.bincount(part, weights=self.lengths_m).argmax())
-        self.endless = part == largest
+        self.endless = self.loop_within(np.ones(len(roads.lanes), dtype=bool))
         if self.endless.sum() < 2:
             raise ValueError("roads must hold a loop of lanes to drive on, got none")
+
+    def loop_within(self, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return those of the lanes `usable` (N,) on which one can drive for ever and come everywhere."""
+        lanes = np.flatnonzero(usable)
+        _, part = connected_components(self.graph[lanes][:, lanes], directed=True, connection="strong")
+        loop = np.zeros(len(self.lanes), dtype=bool)
+        if len(lanes):
+            loop[lanes] = part == np.bincount(part, weights=self.lengths_m[lanes]).argmax()
+        return loop if loop.sum() > 1 else np.zeros_like(loop)  # one lane by itself leads nowhere
 
     def way(self, start: int, goal: int) -> list[int]:
         """Return the lanes of the shortest way after `start` up to `goal`; empty where there is none."""

@@ -47,7 +47,7 @@ PLAIN = StreetType(
     name="plain", lanes=1, lane_width_m=3.25, parking_m=0.0, pavement_m=2.4, speed_limit_mps=13.4
 )
 NARROW = StreetType(
-    name="narrow", lanes=1, lane_width_m=2.75, parking_m=0.0, pavement_m=2.0, speed_limit_mps=9.0
+    name="narrow", lanes=1, lane_width_m=2.75, parking_m=0.0, pavement_m=2.2, speed_limit_mps=9.0
 )
 ESTATE = StreetType(
     name="estate", lanes=1, lane_width_m=3.0, parking_m=2.5, pavement_m=2.2, speed_limit_mps=9.0

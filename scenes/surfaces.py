@@ -174,8 +174,11 @@ def _kerb(front: NDArray[np.float64], away: NDArray[np.float64], height_m: float
     return Mesh(vertices=vertices.astype(np.float32), faces=np.concatenate(faces).astype(np.uint32))
 
 
-def walking_lines(ground: Ground, *, inside_m: float = 1.2) -> tuple[NDArray[np.float64], ...]:
-    """Return closed lines round the blocks, `inside_m` from the kerb on the pavement."""
+def walking_lines(ground: Ground, *, inside_m: float = 1.48) -> tuple[NDArray[np.float64], ...]:
+    """Return closed lines round the blocks, `inside_m` from the kerb on the pavement.
+
+    People walk on both sides of them, between the strip at the kerb where furniture stands and the facades.
+    """
     if ground.corridor.area - ground.carriageway.area < 1000.0:
         return ()
     lines = []

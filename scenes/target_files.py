@@ -17,6 +17,7 @@ from echoscape.scenes.tables import Table, read_toml
 from echoscape.scenes.targets import KINDS, Target
 
 FRAMES = ("world", "start")
+_MOST_DBSM = 100.0
 _POSITION = {"world": ("x", "y", "z"), "start": ("forward", "right", "up")}
 
 
@@ -48,7 +49,7 @@ def placed_targets(targets: Sequence[AnyTarget], *, start: NDArray[np.float64]) 
     return tuple(target.placed(start) if isinstance(target, FromStart) else target for target in targets)
 
 
-def read_targets(path: Path) -> tuple[AnyTarget, ...]:
+def read_targets(path: str | Path) -> tuple[AnyTarget, ...]:
     """Read the targets of a TOML file.
 
     Raises:
@@ -74,11 +75,13 @@ def _target(entry: Table) -> AnyTarget:
     frame = entry.text("frame", "world", allowed=FRAMES)
     position = entry.numbers("position_m", _POSITION[frame])
     heading = math.radians(entry.number("heading_deg", 0.0))
-    elevation = math.radians(entry.number("elevation_deg", 0.0))
+    elevation = math.radians(entry.number("elevation_deg", 0.0)) if KINDS[kind].flat else 0.0
     sizes = KINDS[kind].sizes
     size = entry.numbers("size_m", sizes) if sizes else ()
     material = entry.text("material", "metal", allowed=MATERIAL_NAMES) if kind != "point" else "metal"
-    rcs_m2 = 10 ** (entry.number("rcs_dbsm", 0.0) / 10) if kind == "point" else 1.0
+    rcs_dbsm = entry.number("rcs_dbsm", 0.0) if kind == "point" else 0.0
+    if abs(rcs_dbsm) > _MOST_DBSM:
+        raise entry.fault(f"rcs_dbsm must be within -{_MOST_DBSM:g} and {_MOST_DBSM:g}, got {rcs_dbsm:g}")
     entry.finish()
     try:
         target = Target(
@@ -88,8 +91,8 @@ def _target(entry: Table) -> AnyTarget:
             elevation_rad=elevation,
             size_m=size,
             material=material,
-            rcs_m2=rcs_m2,
+            rcs_m2=10 ** (rcs_dbsm / 10),
         )
-    except (ValueError, OverflowError) as error:
+    except ValueError as error:
         raise entry.fault(str(error)) from error
     return FromStart(target=target) if frame == "start" else target

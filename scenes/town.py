@@ -16,6 +16,7 @@ from echoscape.scenes.growth import grown_network
 from echoscape.scenes.landuse import blocks_of, fill_blocks
 from echoscape.scenes.lanes import Room, road_graph
 from echoscape.scenes.motorway import motorway
+from echoscape.scenes.pedestrians import walking_strips
 from echoscape.scenes.presets import PRESETS, Preset
 from echoscape.scenes.roads import RoadGraph
 from echoscape.scenes.streets import Network
@@ -43,7 +44,7 @@ def build_town(preset: str = "town", *, seed: int) -> Town:
         prototypes=assembly.prototypes,
         placements=assembly.placements(),
         instance_class=assembly.instance_class(),
-        roads=replace(roads, walks=walking_lines(ground)),
+        roads=roads,
         bounds_m=(x0, y0, x1, y1),
     )
 
@@ -59,14 +60,17 @@ def _streets(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGraph
     """Lay streets and put everything on and beside them."""
     network, roads, room = road_network(settings, seed=seed)
     ground = ground_plan(network, roads, room, margin_m=settings.margin_m)
+    walks = walking_lines(ground)
     taken = Taken()
+    for strip in walking_strips(walks):
+        taken.add(strip)
     lay_ground(assembly, ground, settings)
-    dress_streets(assembly, taken, network, room, settings, seeds=_stage(seed, 2))
+    dress_streets(assembly, taken, network, room, ground, settings, seeds=_stage(seed, 2))
     if settings.uses:
         fill_blocks(assembly, taken, ground, network, settings, seeds=_stage(seed, 1))
     if settings.layout == "country":
         dress_country(assembly, taken, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
-    return roads, ground
+    return replace(roads, walks=walks), ground
 
 
 def _motorway(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:

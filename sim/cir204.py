@@ -42,8 +42,8 @@ CIR204 = replace(
         (180.0, 0.0),
     ),
     leakage_dbm=(  # [cal] to [M] code 28 in bins 0-6, 6 at bin 8, 3 from bin 10
-        (0.1, -107.0),
-        (0.3, -108.0),
+        (0.1, -112.5),
+        (0.3, -113.5),
     ),
     mount_height_m=2.0,  # [K] 1.97 m above the car's frame
 )

@@ -88,10 +88,9 @@ def _value(name: str, value: Any) -> Any:
             raise ValueError(f"{name} must be a word in quotes, got {value!r}")
         return value
     if name in _TABLES:
-        rows = value if isinstance(value, list) else [None]
-        if not all(isinstance(row, list) and len(row) == 2 for row in rows):
+        if not isinstance(value, list) or not all(isinstance(row, list) and len(row) == 2 for row in value):
             raise ValueError(f"{name} must be a list of [x, y] rows, got {value!r}")
-        return tuple((_number(name, x), _number(name, y)) for x, y in rows)
+        return tuple((_number(name, x), _number(name, y)) for x, y in value)
     if name in _COUNTS:
         if isinstance(value, bool) or not isinstance(value, int):
             raise ValueError(f"{name} must be a whole number, got {value!r}")

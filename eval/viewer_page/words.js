@@ -12,13 +12,13 @@ function facts() {
     ["stamp", `${stamp} µs`],
     ["speed", speed === null ? "–" : kmh(speed)],
     ["yaw rate", rate === null ? "–" : signed(rate / TURN * 360, 1, "°/s")],
-    ["since last scan", motion === null ? "–" : `x ${signed(motion[0], 3, "m")}`],
-    ["", motion === null ? "" : `y ${signed(motion[1], 3, "m")}`],
-    ["", motion === null ? "" : `yaw ${signed(motion[2] / TURN * 360, 2, "°")}`],
+    ["since last scan", `x ${motion === null ? "–" : signed(motion[0], 3, "m")}`],
+    ["", `y ${motion === null ? "–" : signed(motion[1], 3, "m")}`],
+    ["", `yaw ${motion === null ? "–" : signed(motion[2] / TURN * 360, 2, "°")}`],
     ["position", pose === null ? "–" : `${pose[0].toFixed(1)}, ${pose[1].toFixed(1)} m`],
     ...(data.has_truth ? [["clipped rows", `${clipped.length} of ${azimuths}`]] : []),
   ];
-  $("facts").innerHTML = rows.filter(([name, value]) => name || value)
+  $("facts").innerHTML = rows
     .map(([name, value]) => `<dt>${name}</dt><dd>${value}</dd>`).join("");
 }
 
@@ -28,12 +28,12 @@ function moverRows() {
   $("movers").hidden = !data.has_truth;
   $("count").textContent = `(${boxes.length})`;
   $("rows").innerHTML = boxes.map((box) => `<tr data-instance="${box.instance}"><td>${box.instance}</td>`
-    + `<td>${className(box.class_id)}</td><td>${Math.hypot(box.forward, box.right).toFixed(1)} m</td>`
+    + `<td>${plainText(className(box.class_id))}</td><td>${Math.hypot(box.forward, box.right).toFixed(1)} m</td>`
     + `<td>${degrees(azimuthOf(box.forward, box.right))}</td><td>${kmh(box.speed)}</td></tr>`).join("");
 }
 
 const plainText = (text) => text.replace(/[&<>"]/g, (letter) => `&#${letter.charCodeAt(0)};`);
-const className = (id) => plainText((data.classes[id] || [`class ${id}`])[0].replaceAll("_", " "));
+const className = (id) => (data.classes[id] || [`class ${id}`])[0].replaceAll("_", " ");
 
 const boxWords = (box) => `${className(box.class_id)} ${box.instance} · ${kmh(box.speed)} · ${box.length} × ${box.width} × ${box.height} m`
   + ` · at ${Math.hypot(box.forward, box.right).toFixed(1)} m, ${degrees(azimuthOf(box.forward, box.right))}`;

@@ -1,5 +1,6 @@
 """The command: help at once, bad input told in a line and nothing left behind, a good run whole."""
 
+import json
 import subprocess
 import sys
 import time
@@ -16,6 +17,7 @@ from echoscape.sim.recipe import Recipe
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.sensors import SENSORS
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = ["--preset", "empty", "--seed", "3", "--scans", "2", "--trace.rays", "16"]
 
 BAD = {
@@ -47,6 +49,12 @@ BAD = {
     "--traffic.near-m 0": "traffic.near_m must be above 0",
     "--traffic.vehicles-per-km2 inf": "traffic.vehicles_per_km2 must be finite, got inf",
     "--no-such-option": "no-such-option",
+    "--scene none.toml": "none.toml: cannot be read (No such file or directory)",
+    "--targets none.toml": "none.toml: cannot be read (No such file or directory)",
+    f"--scene {EXAMPLES}/targets.toml": "targets.toml: file is missing",
+    f"--targets {EXAMPLES}/yard.toml": "yard.toml: unknown key 'file'",
+    f"--scene {EXAMPLES}/yard.toml --preset open": "preset must not be given beside a scene, got 'open'",
+    f"--scene {EXAMPLES}/yard.toml --scans 0": "scans must be 1 or more, got 0",
 }
 
 
@@ -133,6 +141,34 @@ def test_radar_from_a_file(tmp_path: Path, recipes: list[Recipe]) -> None:
     assert main(["simulate", str(tmp_path / "set"), *words]) == 0
     assert recipes[0].sensor == replace(SENSORS["cir204"], name="mine", bins=2000, adc_bits=10)
     assert recipes[0].folder_layout.name == "oxford"
+
+
+def test_own_scene_that_does_not_fit_is_told_and_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "set"
+    assert main(["simulate", str(out), "--scene", str(EXAMPLES / "yard.toml"), "--scans", "99"]) == 2
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert told.startswith("echoscape simulate: scans must be 29 or fewer: the drive lasts 7.59 s")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_own_scene_and_targets_make_a_dataset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = ["--scene", str(EXAMPLES / "yard.toml"), "--targets", str(EXAMPLES / "targets.toml")]
+    small = ["--scans", "1", "--trace.rays", "16", "--no-preview"]
+    assert main(["simulate", str(tmp_path / "set"), *files, *small]) == 0
+    assert "yard.obj, seed 0" in capsys.readouterr().out
+    recipe = json.loads((tmp_path / "set" / "echoscape.json").read_text())["recipe"]
+    assert len(recipe["scene"]["targets"]) == 1
+    assert len(recipe["targets"]) == 3
+
+
+def test_files_are_no_settings_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _exit_code(["simulate", "--help"]) == 0
+    told = capsys.readouterr().out
+    assert "--scene {None}|PATH" in told
+    assert "--scene." not in told
+    assert "(default: town)" in told
 
 
 def test_unknown_command_is_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -125,6 +125,7 @@ def test_space_plays_and_pauses(page: Chromium) -> None:
     _wait_for_scan(page, 2)
     page.press(" ")
     assert page.value("document.getElementById('play').getAttribute('aria-label')") == "Play"
+    page.value("new Promise(done => setTimeout(done, 300))")  # the scan that was on its way has come
     number = page.value("document.body.dataset.scan")
     page.value("new Promise(done => setTimeout(done, 300))")
     assert page.value("document.body.dataset.scan") == number
@@ -202,6 +203,7 @@ def test_hand_on_a_cell_or_a_box_reads_it(page: Chromium) -> None:
         "(b => [b.x, b.y, b.width])(document.getElementById('stage').getBoundingClientRect())"
     )
     page.point(left + side * (0.5 + BLOCK[0] / (2 * REACH_M)), top + side * 0.5)
+    page.wait_for("!document.getElementById('probe').textContent.startsWith('Point')")
     words = _text(page, "probe").split(" · ")
     assert float(words[0].removesuffix(" m")) == pytest.approx(BLOCK[0], abs=0.15)
     assert words[1].endswith("(row 100)")
@@ -210,6 +212,7 @@ def test_hand_on_a_cell_or_a_box_reads_it(page: Chromium) -> None:
     page.press("b")
     x, y = _middle(page, f"#marks [data-instance='{BOX_INSTANCE}']")
     page.point(left + side * x, top + side * y)
+    page.wait_for("document.getElementById('probe').textContent.startsWith('car')")
     assert _text(page, "probe").startswith(f"car {BOX_INSTANCE} · 0.0 km/h · 4.5 × 1.8 × 1.4 m")
 
 

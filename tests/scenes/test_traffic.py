@@ -151,6 +151,7 @@ def test_followers_keep_their_distance(straight: RoadGraph) -> None:
         top_mps=np.array([4.0, 13.0, 13.0]),
         zeal=np.ones(3),
         liking=np.ones(len(straight.lanes)),
+        may_use=np.ones((3, len(straight.lanes)), dtype=bool),
     )
     drive = plan_drive(straight, seed=3, duration_s=40)
     far = replace(drive, travel_m=np.full_like(drive.travel_m, 0.0))  # the radar car stays where nobody is

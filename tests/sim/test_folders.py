@@ -119,8 +119,8 @@ def test_oxford_odometry_is_chained_and_gaps_are_told(tmp_path: Path) -> None:
     starts = [START_US + 250_000 * i for i in range(4)]
     put(tmp_path, "oxford", CTS350X, *starts)
     (tmp_path / "gt").mkdir()
-    # 2 m on and a right angle to the right; then 3 m on, which is 3 m to the right of where it began.
-    moves = [(2.0, 0.0, np.pi / 2), (3.0, 0.0, 0.0)]
+    # 2 m on, 0.5 m to the right, and a right angle to the right; then 3 m on and 1 m to the right: back.
+    moves = [(2.0, 0.5, np.pi / 2), (3.0, 1.0, 0.0)]
     rows = [
         OdometryRow(
             source_us=starts[i + 1],
@@ -142,9 +142,9 @@ def test_oxford_odometry_is_chained_and_gaps_are_told(tmp_path: Path) -> None:
     assert poses is not None
     assert motion is not None
     # World: x forward, y left, yaw counter-clockwise.
-    assert_allclose(poses[:3], [[0, 0, 0, 0], [2, 0, 0, -np.pi / 2], [2, -3, 0, -np.pi / 2]], atol=1e-5)
+    assert_allclose(poses[:3], [[0, 0, 0, 0], [2, -0.5, 0, -np.pi / 2], [1, -3.5, 0, -np.pi / 2]], atol=1e-5)
     assert np.isnan(poses[3]).all()
-    assert_allclose(motion[:2], [[2, 0, 0, np.pi / 2], [3, 0, 0, 0]], atol=1e-5)
+    assert_allclose(motion[:2], [[2, 0.5, 0, np.pi / 2], [3, 1, 0, 0]], atol=1e-5)
     assert np.isnan(motion[2]).all()
 
 

@@ -84,6 +84,7 @@ def test_resuming_a_whole_dataset_changes_nothing(made: tuple[ScanFolder, Recipe
     assert {path: path.read_bytes() for path in found.folder.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.slow
 def test_lost_picture_is_made_again_alike(made: tuple[ScanFolder, Recipe, str]) -> None:
     found, recipe, _ = made
     before = found.paths[1].read_bytes()

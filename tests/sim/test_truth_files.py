@@ -13,8 +13,8 @@ from echoscape.sim.whole_files import DatasetError
 from tests.sim.scans import drawn_scan
 
 
-def _truth(**arguments: int) -> ScanTruth:
-    truth = drawn_scan(**arguments).truth
+def _truth(*, seed: int = 1, movers: int = 2) -> ScanTruth:
+    truth = drawn_scan(seed=seed, movers=movers).truth
     assert truth is not None
     return truth
 

@@ -1,0 +1,92 @@
+"""`echoscape fidelity DATA`: measure a folder of scans, judge it by real ones, write table and plots."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from echoscape.cli.parsing import parsed
+from echoscape.cli.stages import Stages
+
+if TYPE_CHECKING:
+    from echoscape.eval.fidelity import Fidelity
+
+_STYLES = {"right": "green", "low": "red", "high": "red", "unknown": "yellow"}
+_LEAST_WIDTH = 108
+"""Characters that the table needs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Measure how like real scans a folder of polar scans is, simulated or real.
+
+    Levels, noise, point spread, strongest returns, peaks, spokes and leakage, each beside the figure that
+    real scans of the same sensor have. Writes fidelity.json, fidelity.md and fidelity.png.
+    """
+
+    data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")]
+    """Folder of scans: one of echoscape's, Oxford's, MulRan's or Boreas', or of loose pictures of one."""
+    reference: Path | None = None
+    """Another folder of scans to compare with as well."""
+    out: Path | None = None
+    """Folder to write to; by default DATA/fidelity."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the subcommand and return its exit code: 0 measured, whatever the verdicts, 2 bad input."""
+    try:
+        options = parsed(Options, prog="echoscape fidelity", arguments=arguments)
+        result, paths = _measured(options)
+    except ValueError as error:  # DatasetError is one
+        return _refused(str(error))
+    except OSError as error:
+        return _refused(f"{error.filename or options.out}: {error.strerror or error}")
+    console = Console(width=max(Console().width, _LEAST_WIDTH))
+    console.print(_table(result))
+    right, judged = result.judged()
+    if judged:
+        console.print(f"{right} of {judged} figures are right")
+    for path in paths:
+        console.print(str(path), soft_wrap=True, highlight=False)
+    return 0
+
+
+def _measured(options: Options) -> tuple["Fidelity", tuple[Path, ...]]:
+    """Measure and write the report."""
+    from echoscape.eval.fidelity import check_out, fidelity, write_report
+    from echoscape.sim.folders import open_folder
+
+    if options.out:
+        check_out(options.out)
+    data, reference = open_folder(options.data), options.reference and open_folder(options.reference)
+    out = options.out or options.data / "fidelity"
+    check_out(out)
+    with Stages(Console(stderr=True)) as stages:
+        result = fidelity(data, reference=reference, progress=stages.report)
+    return result, write_report(out, result)
+
+
+def _table(result: "Fidelity") -> Table:
+    from echoscape.eval.fidelity import cells
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    names = ("figure", "value", "target", "tolerance", "verdict", "reference", "against it")
+    shown = len(names) if result.reference else len(names) - 2
+    for name in names[:shown]:
+        table.add_column(
+            name, justify="right" if name in ("value", "target", "reference") else "left", no_wrap=True
+        )
+    for row in result.rows:
+        words = cells(row)[:shown]
+        table.add_row(*(f"[{_STYLES[word]}]{word}[/]" if word in _STYLES else word for word in words))
+    return table
+
+
+def _refused(message: str) -> int:
+    print(f"echoscape fidelity: {message}", file=sys.stderr)
+    return 2
