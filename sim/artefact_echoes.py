@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
 from echoscape.sim.artefacts import Artefacts, Strengths
+from echoscape.sim.decibels import power_ratio
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.link import window
 from echoscape.sim.rain import rain_gain
@@ -25,7 +26,10 @@ _REACH = 24
 
 
 def changed(echoes: Echoes, artefacts: Artefacts, sensor: Sensor) -> Echoes:
-    """Return the echoes with ghosts, sidelobes, Doppler shift and rain as strong as `artefacts` says."""
+    """Return the echoes with ghosts, sidelobes, Doppler shift and rain as strong as `artefacts` says.
+
+    What stands on the vehicle takes its share from the rows behind it.
+    """
     strengths = artefacts.strengths(sensor)
     if strengths.doppler != sensor.doppler_beta_s:
         more = strengths.doppler / sensor.doppler_beta_s - 1
@@ -34,6 +38,8 @@ def changed(echoes: Echoes, artefacts: Artefacts, sensor: Sensor) -> Echoes:
     gain = _power_gain(echoes, strengths)
     if gain is not None:
         echoes = echoes.select(gain > 0).scaled(gain[gain > 0])
+    if sensor.row_loss_db.any():
+        echoes = echoes.scaled(power_ratio(-sensor.row_loss_db)[echoes.row])
     if strengths.rain:
         echoes = echoes.scaled(rain_gain(echoes.range_m, strengths.rain, sensor) ** 2)
     return echoes

@@ -104,6 +104,7 @@ class ScanMaker:
             sensor=recipe.sensor,
             settings=recipe.trace,
             artefacts=recipe.artefacts,
+            surfaces=recipe.surfaces,
         )
 
     def make(self, index: int) -> None:

@@ -12,8 +12,8 @@ class Returns:
 
     bounces (R,) uint8: surfaces met out and back (1 direct, 2 loop, 3 mirror ghost or longer loop);
     instance (R,) uint32: the last of them; material (R,) uint8; moving (R,) bool; surfaces (R, D) uint32:
-    instance ids of the surfaces met on the way out, in order, 0 where there are no more; coherent (R,) bool: a
-    target's phase sum, without speckle.
+    instance ids of the surfaces met on the way out, in order, 0 where there are no more; coherent (R,)
+    bool: a target's phase sum, without speckle.
     """
 
     bounces: NDArray[np.uint8]

@@ -31,8 +31,8 @@ class EchoFilter:
 
     bounces: orders, 1 direct; components: of `Component`, by number or name; instances, classes: ids of
     things and names of classes, of any surface on an echo's path, or of the last alone if `last_only`.
-    NOISE, LEAKAGE, SPOKE, RAIN and INTERFERENCE are no echoes of things: a filter of components may name them, without
-    other conditions.
+    NOISE, LEAKAGE, SPOKE, RAIN and INTERFERENCE are no echoes of things: a filter of components may name
+    them, without other conditions.
     """
 
     bounces: tuple[int, ...] | None = None
@@ -61,7 +61,7 @@ class EchoFilter:
         others = (self.bounces, self.instances, self.classes)
         if self.receiver_components and any(each is not None for each in others):
             raise ValueError(
-                "noise, leakage, spoke, rain and interference are no echoes of things: they have no bounces, instance or class"
+                "noise, leakage, spoke, rain and interference are no echoes: they have no bounces, instance or class"
             )
 
     @property

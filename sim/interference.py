@@ -47,7 +47,7 @@ class ChirpRadar:
 
 
 def drawn_radar(sensor: Sensor, *, seed: int, instance: int) -> ChirpRadar:
-    """Draw the radar of the car `instance`: chirps of 20-60 us over 200-900 MHz, as 76-77 GHz sensors have."""
+    """Draw the radar of the car `instance`: chirps of 20-60 us over 200-900 MHz, as is usual."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, RADAR_STAGE, instance]))
     duration_s, width_hz = rng.uniform(20e-6, 60e-6), rng.uniform(200e6, 900e6)
     return ChirpRadar(

@@ -65,7 +65,7 @@ class RowPoses:
 
 
 def spread_times(turn: Turn, share: float) -> NDArray[np.float64]:
-    """Return the times (azimuths,) of the rows [s], drawn together to a share of the turn about its middle."""
+    """Return the times (azimuths,) of the rows [s], drawn together to a share of the turn."""
     if share == 1:
         return turn.times_s
     return turn.middle_s + share * (turn.times_s - turn.middle_s)

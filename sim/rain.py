@@ -60,7 +60,7 @@ def specific_attenuation_db_km(rate_mm_h: float, frequency_hz: float) -> float:
 
 
 def water_permittivity(frequency_hz: float) -> complex:
-    """Return the complex relative permittivity of water (negative imaginary part), ITU-R P.840-8 section 3."""
+    """Return the complex relative permittivity of water (imaginary part negative), ITU-R P.840-8."""
     theta, f_ghz = 300 / _TEMPERATURE_K, frequency_hz / 1e9
     eps0 = 77.66 + 103.3 * (theta - 1)
     eps1, eps2 = 0.0671 * eps0, 3.52

@@ -17,6 +17,7 @@ from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.layout import Layout
 from echoscape.sim.layouts import LAYOUTS, LayoutName, home_of
 from echoscape.sim.sensor import Sensor
+from echoscape.sim.surface_settings import SurfaceSettings
 from echoscape.sim.trace_settings import TraceSettings
 
 DEFAULT_PRESET = "town"
@@ -49,6 +50,8 @@ class Recipe:
     """How finely and how far a scan is traced."""
     artefacts: Artefacts = field(default_factory=Artefacts)
     """The effects that a scan has."""
+    surfaces: SurfaceSettings = field(default_factory=SurfaceSettings)
+    """How rough the world is against its materials' own figures."""
     drive: DriveSettings = field(default_factory=DriveSettings)
     """How the car is driven."""
     traffic: TrafficSettings = field(default_factory=TrafficSettings)
@@ -57,6 +60,8 @@ class Recipe:
     """A scene of one's own in the place of a preset, see `scenes.own_scene`; preset is then "own"."""
     targets: tuple[AnyTarget, ...] = ()
     """Test targets put into the world besides those that the scene brings, see `scenes.targets`."""
+    varied: bool = False
+    """Whether sensor, artefacts and surfaces were drawn about those given (`sim.variation`)."""
 
     def __post_init__(self) -> None:
         """Name the world where nothing was said; refuse settings that make no dataset, naming the setting."""

@@ -26,6 +26,7 @@ from echoscape.sim.quantiser import codes
 from echoscape.sim.rain import rain_grid
 from echoscape.sim.receiver import receive
 from echoscape.sim.sensor import Sensor
+from echoscape.sim.surface_settings import SurfaceSettings
 from echoscape.sim.town_scene import TownScene
 from echoscape.sim.trace import Tracer
 from echoscape.sim.trace_settings import TraceSettings
@@ -56,6 +57,7 @@ class Simulator:
         sensor: Sensor = CTS350X,
         settings: TraceSettings | None = None,
         artefacts: Artefacts | None = None,
+        surfaces: SurfaceSettings | None = None,
     ) -> None:
         """`seed` decides rays, speckle and noise; town, drive and movers come with their own."""
         if seed < 0:
@@ -74,6 +76,7 @@ class Simulator:
             instance_class=self.instance_class,
             targets=town.targets,
             seed=seed,
+            surfaces=surfaces,
         )
         self._labeller = Labeller(sensor, self.instance_class)
         self._turns: list[Turn] = []

@@ -9,15 +9,18 @@ about the mirror's direction or back to where the wave came from, scaled to hold
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.scenes.materials import MATERIALS
+from echoscape.scenes.materials import MATERIALS, Material
 from echoscape.sim.backend import dr, mi
 from echoscape.sim.fresnel import reflected_power_table
+from echoscape.sim.surface_settings import SurfaceSettings
 
 _STEPS = 256
+_MOST_SCATTERING = 0.98
 _LOBES = ("lambert", "directive", "backscatter")
 
 
@@ -38,11 +41,23 @@ def lobe_integral(order: int, cos_in: NDArray[np.float64]) -> NDArray[np.float64
     return total / 2.0**order
 
 
+def _roughened(material: Material, settings: SurfaceSettings) -> Material:
+    """Return a material with its roughness changed."""
+    return replace(
+        material,
+        rms_height_m=material.rms_height_m * settings.rms_height,
+        scattering=min(material.scattering * settings.scattering, _MOST_SCATTERING),
+        rms_slope_rad=material.rms_slope_rad * settings.rms_slope,
+    )
+
+
 class Surfaces:
     """Scattering of all materials at one carrier, as tables that kernels gather from by material id."""
 
-    def __init__(self, carrier_hz: float, wavelength_m: float) -> None:
-        rows = list(MATERIALS.values())
+    def __init__(
+        self, carrier_hz: float, wavelength_m: float, settings: SurfaceSettings | None = None
+    ) -> None:
+        rows = [_roughened(row, settings or SurfaceSettings()) for row in MATERIALS.values()]
         table = reflected_power_table(rows, carrier_hz, _STEPS)
         self._te_power = mi.Float(np.ascontiguousarray(table[..., 0]).ravel())
         self._tm_power = mi.Float(np.ascontiguousarray(table[..., 1]).ravel())

@@ -86,6 +86,8 @@ class Sensor:
     """Height of the antenna above the road [m]."""
     mount_tilt_deg: float
     """Elevation of the beam's middle above the horizon [deg]."""
+    blocking_db: Table
+    """Two-way loss by azimuth clockwise from ahead, 0 to 360 [deg], [dB]: what stands on the vehicle."""
 
     def __post_init__(self) -> None:
         """Refuse values that make no radar, naming the field."""
@@ -134,6 +136,12 @@ class Sensor:
     def doppler_shift_s(self) -> NDArray[np.float64]:
         """Range shift by closing speed of each row (azimuths,) [s]: below 0 where the sweep rises."""
         return np.where(self.rising, -self.doppler_beta_s, self.doppler_beta_s)
+
+    @property
+    def row_loss_db(self) -> NDArray[np.float64]:
+        """Two-way loss (azimuths,) of each row by what stands on the vehicle [dB]."""
+        azimuth_deg, loss_db = np.array(self.blocking_db).T
+        return np.interp(360 / self.azimuths * np.arange(self.azimuths), azimuth_deg, loss_db)
 
     @property
     def wavelength_m(self) -> float:

@@ -25,6 +25,7 @@ from echoscape.sim.paths import Rays, ReturnPaths, Scatterer, picked
 from echoscape.sim.scattering import Surfaces
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.speckle import hash32
+from echoscape.sim.surface_settings import SurfaceSettings
 from echoscape.sim.target_echoes import TargetEchoes
 from echoscape.sim.town_scene import TownScene
 from echoscape.sim.trace_settings import TraceSettings
@@ -50,6 +51,7 @@ class Tracer:
         instance_class: NDArray[np.uint8],
         targets: Sequence[PlacedTarget] = (),
         seed: int,
+        surfaces: SurfaceSettings | None = None,
     ) -> None:
         """`instance_class` (I,) names the class of every instance id, movers included.
 
@@ -80,7 +82,7 @@ class Tracer:
             antenna.elevation_one_way,
         )
         self._scatterer = Scatterer(
-            surfaces=Surfaces(sensor.carrier_hz, sensor.wavelength_m),
+            surfaces=Surfaces(sensor.carrier_hz, sensor.wavelength_m, surfaces),
             link=link_w_m2(sensor),
             elevation_gain=gain,
             seed=seed,
