@@ -45,7 +45,7 @@ def main(arguments: Sequence[str]) -> int:
     except ValueError as error:  # DatasetError is one
         return _refused(str(error))
     except OSError as error:
-        return _refused(f"{error.filename or options.out}: {error.strerror or error}")
+        return _refused(f"{error.filename or 'OUT'}: {error.strerror or error}")
     console = Console(width=max(Console().width, _LEAST_WIDTH))
     console.print(_table(result))
     right, judged = result.judged()

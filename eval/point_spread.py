@@ -33,7 +33,7 @@ def isolated_peaks(codes: Codes, range_m: Ranges, bin_m: float) -> NDArray[np.in
     Equal cells side by side count each. Peaks too near an end for a whole profile are left out.
     """
     rows, bins = reach(codes, bin_m)
-    top = maximum_filter(codes, (2 * rows + 1, 2 * bins + 1), mode=("wrap", "nearest"))
+    top = maximum_filter(codes, (2 * rows + 1, 2 * bins + 1), mode=("wrap", "nearest"))  # type: ignore[arg-type]
     peak = (codes == top) & (codes >= _LEAST_CODE)
     peak[:, (range_m < _FIRST_M) | (range_m >= _LAST_M)] = False
     peak[:, :bins] = False
@@ -50,7 +50,7 @@ def profiles(
     top = codes[row, column].astype(np.float32)
     along = codes[row, column + np.arange(-bins, bins + 1)]
     across = codes[(row + np.arange(-rows, rows + 1)) % len(codes), column]
-    return (along - top) / 2, (across - top) / 2
+    return (along - top) / np.float32(2), (across - top) / np.float32(2)
 
 
 def widths(profile_db: NDArray[np.float32], level_db: float) -> NDArray[np.float64]:

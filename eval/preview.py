@@ -22,7 +22,7 @@ from PIL import Image
 from echoscape.eval.plan import Window, plan_picture
 from echoscape.sim.cartesian import nearest_cells, polar_to_cartesian
 from echoscape.sim.folders import open_folder
-from echoscape.sim.manifest import read_manifest
+from echoscape.sim.manifest import read_manifest, world_of
 from echoscape.sim.polar_scan import PolarScan, ScanTruth
 from echoscape.sim.truth_files import read_arrays, read_truth
 from echoscape.sim.whole_files import write_whole
@@ -145,7 +145,8 @@ def _caption(figure: Figure, frame: Frame) -> None:
     figure.text(
         0.978,
         0.962,
-        f"{recipe['preset']}, seed {recipe['seed']}   ·   scan {frame.number + 1} of {recipe['scans']}   ·   "
+        f"{world_of(frame.manifest)}, seed {recipe['seed']}   ·   "
+        f"scan {frame.number + 1} of {recipe['scans']}   ·   "
         f"{recipe['sensor']['name'].upper()}, {recipe['sensor']['carrier_hz'] / 1e9:g} GHz FMCW, "
         f"{azimuths} × {bins} cells of {frame.scan.bin_m * 100:.2f} cm",
         size=13,
@@ -258,9 +259,10 @@ def _over_page(colours: NDArray, light: NDArray) -> NDArray[np.float32]:
 
 def _plan(axes: Axes, frame: Frame) -> None:
     """Draw the town round the drive, the drive, and who moves."""
-    _titled(axes, "Where", f"drive and movers, north up, {frame.manifest['recipe']['preset']}")
+    _titled(axes, "Where", f"drive and movers, north up, {world_of(frame.manifest)}")
     window = drive_window(frame.path)
-    picture = plan_picture(frame.folder / "scene.glb", window, pixels=_PIXELS)
+    own = frame.manifest["recipe"].get("scene") is not None
+    picture = plan_picture(frame.folder / "scene.glb", window, pixels=_PIXELS, all_faces=own)
     axes.imshow(picture, extent=(window[0], window[2], window[1], window[3]))
     here = frame.truth.middle_pose
     ring = Circle((here[0], here[1]), REACH_M, fill=False, ec=INK, lw=0.8, ls=(0, (4, 4)), alpha=0.5)

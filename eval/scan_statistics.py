@@ -14,7 +14,7 @@ from echoscape.sim import quantiser
 
 Codes = NDArray[np.uint8]
 """Codes (azimuths, bins) of a scan, half decibels."""
-Ranges = NDArray[np.float64]
+Ranges = NDArray[np.floating]
 """Range of the middle of each bin (bins,) [m]."""
 
 BAND_M = 2.5
@@ -175,7 +175,7 @@ def local_maxima(codes: Codes, range_m: Ranges) -> int:
 
 def strong_peaks(codes: Codes, range_m: Ranges) -> int:
     """Return the number of cells, 4 to 100 m, of code 80 or more that none within 4 rows, 20 bins passes."""
-    top = maximum_filter(codes, (_PEAK_ROWS, _PEAK_BINS), mode=("wrap", "nearest"))
+    top = maximum_filter(codes, (_PEAK_ROWS, _PEAK_BINS), mode=("wrap", "nearest"))  # type: ignore[arg-type]
     inside = (range_m >= NEAR_M) & (range_m < 100.0)
     return int(((codes == top) & (codes >= _PEAK_CODE))[:, inside].sum())
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from echoscape.scenes.world import CLASSES
 from echoscape.sim.folders import ScanFolder, open_folder
-from echoscape.sim.manifest import read_manifest
+from echoscape.sim.manifest import read_manifest, world_of
 from echoscape.sim.oxford import relative_pose
 from echoscape.sim.polar_scan import Component, ScanTruth
 from echoscape.sim.truth_files import read_arrays
@@ -45,7 +45,7 @@ class Source:
         if self.manifest is None:
             return self.scans.folder.resolve().name
         recipe = self.manifest["recipe"]
-        return f"{recipe['preset']}, seed {recipe['seed']}"
+        return f"{world_of(self.manifest)}, seed {recipe['seed']}"
 
     @property
     def classes(self) -> list[str]:

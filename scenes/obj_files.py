@@ -24,22 +24,21 @@ def relabelled(path: Path, data: bytes) -> tuple[bytes, list[tuple[str, ...]]]:
     state = {"o": "", "g": "", "usemtl": ""}
     parts: dict[tuple[str, ...], int] = {}
     out: list[str] = []
-    seen, current = 0, -1
+    seen, changed = 0, True
     for number, words in enumerate(lines, 1):
         key = words[0] if words else "#"
         if key == "v":
             seen += 1
             out.append(f"v {_numbers(f'{path}: line {number}', words[1:4])}")
         elif key in state:
-            state[key] = " ".join(words[1:])
+            state[key], changed = " ".join(words[1:]), True
             if key == "o":  # groups belong to their object
                 state["g"] = ""
         elif key == "f":
-            names = (state["o"] or state["g"] or path.stem, state["g"], state["usemtl"])
-            part = parts.setdefault(names, len(parts))
-            if part != current:
-                out.append(f"o part{part}")
-                current = part
+            if changed:
+                names = (state["o"] or state["g"] or path.stem, state["g"], state["usemtl"])
+                out.append(f"o part{parts.setdefault(names, len(parts))}")
+                changed = False
             out.append(f"f {_corners(f'{path}: line {number}', words[1:], seen=seen, total=total)}")
     if not parts:
         raise SceneError(f"{path}: no faces in it")
@@ -48,12 +47,12 @@ def relabelled(path: Path, data: bytes) -> tuple[bytes, list[tuple[str, ...]]]:
 
 
 def _numbers(where: str, words: list[str]) -> str:
-    """Return x, y, z of a vertex that are seen to be numbers."""
+    """Return x, y, z of a vertex as they stand, once they are seen to be three numbers."""
     try:
-        x, y, z = (float(word) for word in words)
+        _, _, _ = map(float, words)
     except ValueError as error:
         raise SceneError(f"{where}: a vertex must be three numbers, got {' '.join(words)!r}") from error
-    return f"{x!r} {y!r} {z!r}"
+    return " ".join(words)
 
 
 def _corners(where: str, words: list[str], *, seen: int, total: int) -> str:

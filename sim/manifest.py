@@ -72,6 +72,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return content
 
 
+def world_of(content: dict[str, Any]) -> str:
+    """Return what the world of a manifest is called: its preset, or the mesh of a scene of one's own."""
+    scene = content["recipe"].get("scene")
+    return content["recipe"]["preset"] if scene is None else scene["file"]
+
+
 def sensor_of(content: dict[str, Any]) -> Sensor:
     """Return the sensor that a manifest describes.
 
