@@ -10,6 +10,9 @@ COMMANDS = {
     "scene": "build a world without any radar: its plan, its numbers, a model for viewers",
     "view": "write a page to step through a data set in a browser, small enough to mail",
     "fidelity": "judge a folder of scans by the statistics of real ones: table, JSON, plots",
+    "train": "learn keypoint odometry from folders of scans that tell poses",
+    "odometry": "estimate the motion between the scans of a folder, and judge it where truth is known",
+    "drift": "judge one trajectory by another as the KITTI benchmark does",
 }
 """Subcommands and what they do; each is a module of this package with `main(arguments) -> int`."""
 

@@ -7,7 +7,6 @@ from typing import Literal
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import point_echoes
@@ -27,7 +26,7 @@ SWEEP_S = 0.049 * 600e6 / 76.5e9  # beta B / f0
 Window = Literal["hann", "hamming", "blackman", "boxcar"]
 
 
-def sweep(range_m: float, sensor: Sensor) -> NDArray[np.float32]:
+def sweep(range_m: float | np.floating, sensor: Sensor) -> NDArray[np.float32]:
     """The beat signal (1, samples) of an echo of 1 W."""
     echo = point_echoes(
         row=np.zeros(1), range_m=np.array([range_m]), amplitude=np.ones(1), azimuths=sensor.azimuths
@@ -35,7 +34,7 @@ def sweep(range_m: float, sensor: Sensor) -> NDArray[np.float32]:
     return beat(echo_grid(echo, sensor), sensor)
 
 
-def power(range_m: float, sensor: Sensor) -> NDArray[np.float64]:
+def power(range_m: float | np.floating, sensor: Sensor) -> NDArray[np.float64]:
     return np.abs(spectrum(sweep(range_m, sensor), sensor)[0].astype(np.complex128)) ** 2
 
 
@@ -119,7 +118,8 @@ def continuous_width(name: Window) -> float:
         total = sum(a / 2 * (np.sinc(x - k) + np.sinc(x + k)) for k, a in enumerate(parts))
         return 20 * math.log10(float(total) / parts[0]) + 3.0103
 
-    return 2 * float(brentq(level_db, 0.3, 1.2))
+    offsets = np.linspace(0.4, 1.1, 7001)
+    return 2 * float(np.interp(0.0, [-level_db(x) for x in offsets], offsets))
 
 
 @pytest.mark.parametrize(

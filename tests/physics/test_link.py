@@ -110,12 +110,14 @@ def test_walls_that_fill_the_beam_fall_by_6_db_a_doubling(law: LawRecorder, name
         # (lambda / (8 pi R))^2 |Gamma|^2 (1 - S^2), S = 0.05, of eps = 6.31 - 0.282j; G and losses: 54 dB.
         gamma2 = abs((1 - np.sqrt(6.31 - 0.282j)) / (1 + np.sqrt(6.31 - 0.282j))) ** 2
         image = 0.02 * 10**5.4 * (WAVELENGTH_M / (8 * math.pi * 40.0)) ** 2 * gamma2 * (1 - 0.05**2)
+        # Slopes of 3 mrad spread the flash over a beam that falls by 3 dB in 0.53 deg, two-way.
+        spread = 1 / math.sqrt(1 + 2 * math.log(2) * (math.degrees(0.003) / 0.53) ** 2)
         law(
             "Glass wall at 40 m: received power",
-            source="its image, Pt G^2 (lambda / (8 pi R))^2 times the squared |Gamma|",
-            expected=float(decibel(image / 1e-3)),
+            source="its image, Pt G^2 (lambda / (8 pi R))^2 |Gamma|^2, 0.3 dB less as it is wavy",
+            expected=float(decibel(image * spread / 1e-3)),
             simulated=float(decibel(level[40.0] / 1e-3)),
-            tolerance=0.5,
+            tolerance=0.3,
             unit="dBm",
-            why="waviness of 3 mrad spreads the flash over the beam: 0.3 dB; few rays meet it",
+            why="few rays meet the flash, 0.2 deg wide; eight walls averaged",
         )

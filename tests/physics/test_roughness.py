@@ -179,14 +179,14 @@ def test_lobes_through_the_tracer(law: LawRecorder, monkeypatch: pytest.MonkeyPa
     power: dict[str, tuple[float, float]] = {}
     for lobe in ("lambert", "directive", "backscatter"):
         monkeypatch.setitem(MATERIALS, "soil", replace(rough, lobe=lobe, lobe_order=3))
-        echoes = traced(town, max_bounces=2)
+        echoes = traced(town, rays=400, max_bounces=2)
         mine = echoes.instance == 2
         power[lobe] = (
             float(echoes.mean_power[mine & (echoes.bounces == 1)].sum(dtype=np.float64)),
             float(echoes.mean_power[mine & (echoes.bounces == 2)].sum(dtype=np.float64)),
         )
     radar, image = np.array([-22.0, -6.0]), np.array([38.0, -6.0])
-    cos_radar, cos_image = (6.0 / np.linalg.norm(way) for way in (radar, image))
+    cos_radar, cos_image = (6.0 / float(np.linalg.norm(way)) for way in (radar, image))
     apart = float(radar @ image / np.linalg.norm(radar) / np.linalg.norm(image))
     cases: list[tuple[Lobe, int, str, tuple[float, float, float]]] = [
         ("directive", 0, "straight back at 75 deg", (cos_radar, cos_radar, 1.0)),

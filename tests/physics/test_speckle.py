@@ -90,7 +90,7 @@ def test_texture_makes_speckle_k_distributed(
     monkeypatch.setitem(MATERIALS, "soil", replace(MATERIALS["soil"], texture_shape=shape))
     count = 1 << 20
     index = np.arange(count)
-    real, imag = np.zeros(count), np.zeros(count)
+    real, imag, place = np.zeros(count), np.zeros(count), mi.Point3d(0)
     seed, owner = dr.full(mi.UInt32, 5, count), dr.zeros(mi.UInt32, count)
     for patch in range(4):
         x, y = index % 1024 + 0.3 + 0.1 * patch, index // 1024 + 0.45
@@ -137,7 +137,7 @@ def test_speckle_stays_for_who_stands(law: LawRecorder) -> None:
         "Standing car, two scans: echoes that differ",
         source="speckle belongs to the world",
         expected=0,
-        simulated=np.sum(first.amplitude != second.amplitude),
+        simulated=int(np.sum(first.amplitude != second.amplitude)),
         tolerance=0,
         why="only the receiver's noise is drawn anew",
     )

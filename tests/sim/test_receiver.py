@@ -8,10 +8,10 @@ from scipy import signal as sig
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import point_echoes
-from echoscape.sim.link import full_scale_amplitude, link_w_m2, range_gain, units_per_watt
+from echoscape.sim.link import full_scale_amplitude, range_gain, units_per_watt
 from echoscape.sim.phase_noise import phase_noise, with_phase
 from echoscape.sim.quantiser import codes
-from echoscape.sim.receiver import PART_STEP, Received, convert, receive
+from echoscape.sim.receiver import PART_STEP, Received, receive
 from echoscape.sim.waveform import beat, echo_grid, grid_place, sample_times, spectrum
 
 FLAT = replace(CTS350X, range_gain_db=((0.0, 0.0), (163.0, 0.0)))
@@ -56,35 +56,11 @@ def test_echo_has_its_power_over_thermal_noise() -> None:
     assert found == pytest.approx(expected, rel=0.01)
 
 
-def test_power_falls_with_fourth_power_of_range_for_a_point_target() -> None:
-    # P = Pt G^2 lambda^2 sigma / ((4 pi)^3 R^4) through the whole receiver, for a target of 1 m2.
-    ranges = np.array([20.0, 40.0, 80.0, 160.0])
-    power = link_w_m2(FLAT) / (4 * math.pi) / ranges**4
-    bins = np.rint(grid_place(ranges, FLAT)).astype(int)
-    found = received(ranges.tolist(), power.tolist(), QUIET).power[0, bins]
-    np.testing.assert_allclose(np.diff(10 * np.log10(found)), -12.04, atol=0.1)
-
-
 def test_gain_by_range_scales_everything_alike() -> None:
     shaped = replace(SMALL, range_gain_db=((0.0, 0.0), (50.0, 6.0), (163.0, 6.0)))
     flat, scaled = received([90.0], [1e-13], QUIET), received([90.0], [1e-13], QUIET, sensor=shaped)
     ranges = (np.arange(SMALL.bins) + 0.5) * SMALL.bin_m
     np.testing.assert_allclose(scaled.power, flat.power * range_gain(shaped, ranges), rtol=1e-5)
-
-
-def test_clipped_sine_has_the_harmonics_of_a_square_wave() -> None:
-    # A tone far above full scale becomes a square wave: third harmonic 1/3 of the amplitude, -9.54 dB.
-    strong = 1e6 * full_scale_amplitude(SMALL) ** 2
-    found = received([20.0], [strong], replace_artefacts(QUIET, saturation=True))
-    peaks = [found.power[0, around(k * 20.0) - 8 : around(k * 20.0) + 8].max() for k in (1, 3, 5)]
-    assert min(peaks) > 0
-    np.testing.assert_allclose(10 * np.log10(np.array(peaks[1:]) / peaks[0]), [-9.54, -13.98], atol=0.5)
-    assert found.saturated.all()
-
-
-def around(range_m: float) -> int:
-    """The bin of a range; harmonics of a tone lie at multiples of its frequency, half a bin aside at most."""
-    return round(range_m / SMALL.bin_m - 0.5)
 
 
 def replace_artefacts(artefacts: Artefacts, **changes: bool) -> Artefacts:
@@ -97,18 +73,6 @@ def test_weak_echoes_do_not_clip() -> None:
     )
     assert not found.saturated.any()
     assert found.distortion.max() < 1e-4 * found.power.max()
-
-
-@pytest.mark.parametrize("bits", [8, 12])
-def test_converter_noise_follows_its_bits(bits: int) -> None:
-    sensor = replace(SMALL, adc_bits=bits)
-    scale = full_scale_amplitude(sensor)
-    times = np.arange(200_000) * 0.1234567
-    tone = (scale * np.sin(times)).astype(np.float32)[None]
-    converted, _ = convert(tone, sensor, replace_artefacts(QUIET, quantisation=True))
-    error = (converted.amplitude() - tone).astype(np.float64)
-    sqnr_db = 10 * math.log10(np.mean(tone.astype(np.float64) ** 2) / np.mean(error**2))
-    assert sqnr_db == pytest.approx(6.02 * bits + 1.76, abs=0.1)
 
 
 def test_phase_noise_filter_is_the_sum_over_echoes_with_their_own_delays() -> None:

@@ -83,99 +83,9 @@ def test_wall_returns_the_integral_of_the_radar_equation(material: str, distance
     assert decibel(found / expected) == pytest.approx(0, abs=0.5)
 
 
-def test_flat_wall_is_its_own_image() -> None:
-    # (lambda / (8 pi R))^2 Pt G^2 |Gamma|^2, glass: wavy by 3 mrad only, so its flash is narrow in the beam.
-    share = 1 - MATERIALS["glass"].scattering ** 2
-    gamma2 = float(abs(reflection(permittivity(MATERIALS["glass"], CTS350X.carrier_hz), 1.0)[0]) ** 2)
-    power = {}
-    for distance in (20.0, 40.0):
-        wall = plate([distance, 0, HEIGHT_M], [-1, 0], 20.0, 10.0)
-        power[distance] = row_power(traced(world(("glass", "wall", wall)), standing()), 0, 0, 160)
-        expected = link_w_m2(CTS350X) * math.pi * gamma2 * share / (4 * math.pi * distance**2)
-        peak = Antenna(CTS350X).azimuth_two_way.max()
-        assert decibel(power[distance] / (expected * peak)) == pytest.approx(
-            0, abs=0.7
-        )  # few rays meet the flash
-    assert decibel(power[20.0] / power[40.0]) == pytest.approx(6.02, abs=0.8)
-
-
-def test_power_falls_with_fourth_power_of_range_for_a_small_rough_plate() -> None:
-    # Lambert plate of area A: sigma = 4 (|Gamma|^2 diffuse) A; eight of them, to average over rays.
-    level = []
-    for distance in (30.0, 60.0, 120.0):
-        angles = -2 * math.pi * np.arange(8) * 50 / 400
-        plates = [
-            (
-                "soil",
-                "target",
-                plate(
-                    [distance * math.cos(a), distance * math.sin(a), HEIGHT_M],
-                    [-math.cos(a), -math.sin(a)],
-                    0.25,
-                    0.25,
-                ),
-            )
-            for a in angles
-        ]
-        echoes = traced(world(*plates), standing(), settings=TraceSettings(rays=4096, floor_db=-60.0))
-        level.append(np.mean([row_power(echoes, 50 * k, 0, 160) for k in range(8)]))
-    np.testing.assert_allclose(np.diff(decibel(np.array(level))), -12.04, atol=0.6)  # some 130 rays at 120 m
-
-
-def test_ghost_of_a_car_lies_at_its_mirror_image_behind_the_wall() -> None:
-    wall = plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0)
-    car = plate([20.0, 12.0, HEIGHT_M], [1, 0], 2.0, 1.5)  # faces the wall: seen by way of the wall only
-    echoes = traced(world(("metal", "wall", wall), ("soil", "car", car)), standing())
-    ghosts = (echoes.bounces == 3) & (echoes.instance == 2) & ~echoes.sidelobe
-    image = np.array([40.0, 12.0])  # the wall at x = 30 mirrors x = 20 to 40
-    weight = echoes.mean_power[ghosts]
-    assert weight.sum() > 0
-    range_m = np.average(echoes.range_m[ghosts], weights=weight)
-    assert range_m == pytest.approx(math.hypot(*image), abs=0.3)
-    azimuth = -math.atan2(image[1], image[0])  # clockwise
-    rows = (echoes.row[ghosts] + 200) % 400 - 200
-    assert np.average(rows * ROW_RAD, weights=weight) == pytest.approx(azimuth, abs=0.5 * ROW_RAD)
-    direct = (echoes.bounces == 1) & (echoes.instance == 2)
-    assert np.average(echoes.range_m[direct]) == pytest.approx(math.hypot(20, 12), abs=0.5)
-
-
-def test_loop_lies_half_way_between_both_ways() -> None:
-    # A wall ahead, a rough plate beside the way: out by the wall and straight back, or the other way round.
-    wall = plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0)
-    side = plate([25.0, 2.0, HEIGHT_M], [0, -1], 1.0, 1.0)
-    echoes = traced(world(("metal", "wall", wall), ("soil", "car", side)), standing())
-    loops = (echoes.bounces == 2) & (echoes.instance == 2)
-    there, image = math.hypot(25, 2), math.hypot(35, 2)
-    assert np.average(echoes.range_m[loops], weights=echoes.mean_power[loops]) == pytest.approx(
-        (there + image) / 2, abs=0.4
-    )
-
-
-def test_one_bounce_leaves_the_direct_echoes_and_nothing_else() -> None:
-    wall = plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0)
-    car = plate([20.0, 12.0, HEIGHT_M], [1, 0], 2.0, 1.5)
-    town = world(("metal", "wall", wall), ("soil", "car", car))
-    every, first = traced(town, standing()), traced(town, standing(), ghosts=False)
-    assert (first.bounces == 1).all()
-    assert set(np.unique(every.bounces)) >= {1, 3}
-    direct = every.select(every.bounces == 1)
-    assert np.array_equal(direct.amplitude, first.amplitude)
-    assert np.array_equal(direct.range_m, first.range_m)
-
-
 def cell_sum(echoes: Echoes, row: int, range_m: float, width_m: float = 0.25) -> complex:
     inside = (echoes.row == row) & (np.abs(echoes.range_m - range_m) < width_m)
     return complex(echoes.amplitude[inside].sum(dtype=np.complex128))
-
-
-def test_speckle_stays_for_who_stands_and_is_the_seeds_own() -> None:
-    ground = quad([[-60, -60, 0], [60, -60, 0], [60, 60, 0], [-60, 60, 0]])
-    town = world(("soil", "ground", ground))
-    simulator = Simulator(town, standing(), seed=3, sensor=STEADY)
-    first, second = simulator.echoes(0), simulator.echoes(7)
-    assert np.array_equal(first.amplitude, second.amplitude)
-    other = Simulator(town, standing(), seed=4, sensor=STEADY).echoes(0)
-    assert not np.array_equal(first.amplitude[:100], other.amplitude[:100])
 
 
 def test_speckle_turns_with_4_pi_r_over_lambda() -> None:
@@ -216,28 +126,6 @@ def test_speckle_decorrelates_over_the_beams_aperture_length() -> None:
     assert coherence(start, flat(far, 0.3)) < 0.5
 
 
-def test_speckle_is_exponential_in_intensity() -> None:
-    wall = plate([40.0, 0, 6.0], [-1, 0], 150.0, 12.0)
-    intensity = []
-    for seed in range(30):
-        echoes = traced(
-            world(("soil", "wall", wall)),
-            standing(),
-            seed=seed,
-            settings=TraceSettings(rays=256, floor_db=-40),
-        )
-        for row in range(-28, 29, 7):  # rows two beam widths and more apart
-            mean = sum(echoes.mean_power[(echoes.row == row % 400)])
-            intensity.append(
-                abs(cell_sum(echoes, row % 400, 40.0 / math.cos(row * ROW_RAD), 0.6)) ** 2 / mean
-            )
-    intensity = np.array(intensity)
-    # 108 independent cells: the mean is 1 with a standard error of 0.1; so is mean / std of an exponential.
-    assert intensity.mean() == pytest.approx(1.0, abs=0.2)
-    assert intensity.mean() / intensity.std() == pytest.approx(1.0, abs=0.3)
-    assert np.std(decibel(intensity)) == pytest.approx(5.57, abs=1.2)
-
-
 def test_rows_see_the_world_from_their_own_place() -> None:
     # At 15 m/s past four plates: each is as far as it is from where the car is when the beam passes it.
     places = [(30.0, -20.0), (-25.0, -30.0), (-30.0, 25.0), (35.0, 20.0)]
@@ -263,17 +151,6 @@ def test_motion_distortion_can_be_switched_off() -> None:
             for k in (5, 395)
         )
         assert first - last == pytest.approx(nearer, abs=0.15)
-
-
-def test_approaching_target_shifts_by_beta_v() -> None:
-    town = world(("soil", "target", plate([40.0, 0, HEIGHT_M], [-1, 0], 0.5, 0.5)))
-    ride = straight([0, 0], [15.0, 0])
-    plain, shifted = (traced(town, ride, doppler=on) for on in (False, True))
-    shift = np.average(shifted.range_m, weights=shifted.mean_power) - np.average(
-        plain.range_m, weights=plain.mean_power
-    )
-    assert shift == pytest.approx(-0.049 * 15.0, abs=0.01)
-    np.testing.assert_allclose(shifted.closing_mps, 15.0, atol=0.1)
 
 
 def test_movers_move_within_the_scan() -> None:

@@ -110,5 +110,5 @@ def _merged(parts: list[tuple[Mesh, int]]) -> StaticMesh:
     )
 
 
-def decibel(ratio: NDArray | float) -> NDArray:
+def decibel(ratio: NDArray | np.floating | float) -> NDArray:
     return 10 * np.log10(np.asarray(ratio))

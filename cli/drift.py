@@ -1,0 +1,68 @@
+"""`echoscape drift --estimate E.txt --truth T.txt`: KITTI's drift of one trajectory against another."""
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from echoscape.cli.parsing import parsed
+
+if TYPE_CHECKING:
+    from echoscape.eval.drift import Drift
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Judge a trajectory by another as the KITTI odometry devkit does: error over segments of 100 to 800 m.
+
+    Files have a pose a line, twelve numbers: the upper 3 x 4 of its matrix, row by row. Both must have the
+    same frames; where no segment of 100 m exists the figures are null.
+    """
+
+    estimate: Path
+    """The trajectory to judge."""
+    truth: Path
+    """The true one."""
+    step: int = 10
+    """Frames from one segment's start to the next: 10 in the devkit, 4 for a radar of 4 Hz."""
+    json: bool = False
+    """Print JSON."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the subcommand and return its exit code."""
+    try:
+        options = parsed(Options, prog="echoscape drift", arguments=arguments)
+        found = _drift(options)
+    except ValueError as error:  # what a file lacks is one of them
+        print(f"echoscape drift: {error}", file=sys.stderr)
+        return 2
+    if options.json:
+        print(json.dumps(found.content()))
+    else:
+        Console().print(_table(found))
+    return 0
+
+
+def _drift(options: Options) -> "Drift":
+    from echoscape.eval.drift import drift
+    from echoscape.eval.trajectories import read_kitti
+
+    return drift(read_kitti(options.estimate), read_kitti(options.truth), step=options.step)
+
+
+def _table(found: "Drift") -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for name in ("length m", "translation %", "rotation deg/m", "segments"):
+        table.add_column(name, justify="right")
+    for length_m, percent, degrees, count in found.by_length:
+        table.add_row(f"{length_m:.0f}", f"{percent:.4f}", f"{degrees:.6f}", str(count))
+    percent, degrees = found.translation_percent, found.rotation_deg_per_m
+    figures = ("-", "-") if percent is None or degrees is None else (f"{percent:.4f}", f"{degrees:.6f}")
+    table.add_row("all", *figures, str(found.segments))
+    return table

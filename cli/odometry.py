@@ -1,0 +1,116 @@
+"""`echoscape odometry DATA --out RES`: run an odometry over a folder of scans and write what it found."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from echoscape.cli.parsing import parsed
+from echoscape.cli.stages import Stages
+
+if TYPE_CHECKING:
+    from echoscape.eval.estimator import Estimator
+    from echoscape.eval.odometry import Odometry
+    from echoscape.sim.folders import ScanFolder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Estimate the motion between successive scans of a folder, and judge it where the folder has truth.
+
+    Writes odometry.csv (Oxford's columns), trajectory.txt (KITTI) and trajectory.tum, pairs.csv, pictures,
+    and metrics.json. A pair that fails is recorded and counts as no motion.
+    """
+
+    data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")]
+    """Folder of scans: one of echoscape's, or real ones (Oxford, MulRan, Boreas), with truth or without."""
+    out: Path
+    """Folder to write to."""
+    method: Literal["learned", "fourier"] = "learned"
+    """learned: keypoints; fourier: phase correlation, which needs no weights."""
+    weights: Path | None = None
+    """Weights of the learned method; by default those that came with the package."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the subcommand and return its exit code: 0 done, 1 every pair failed, 2 bad input."""
+    try:
+        options = parsed(Options, prog="echoscape odometry", arguments=arguments)
+        found, figures, paths = _run(options)
+    except ValueError as error:  # what a data set lacks is one of them
+        return _refused(str(error), 2)
+    except OSError as error:
+        return _refused(f"{error.filename or options.out}: {error.strerror or error}", 2)
+    console = Console()
+    console.print(_table(figures))
+    for path in paths:
+        console.print(str(path), soft_wrap=True, highlight=False)
+    if not found.failed.all():
+        return 0
+    return _refused(f"every pair failed, the first one because: {found.pairs[0].failure}", 1)
+
+
+def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]":
+    """Run the odometry and write its files; nothing is written before all of it is there."""
+    from echoscape.eval.fidelity import check_out
+    from echoscape.eval.odometry import run_odometry
+    from echoscape.eval.odometry_metrics import metrics
+    from echoscape.eval.odometry_report import write_odometry_report
+    from echoscape.sim.folders import open_folder
+
+    if options.weights is not None and options.method != "learned":
+        raise ValueError(f"--weights go with --method learned only, got --method {options.method}")
+    folder = open_folder(options.data)
+    check_out(options.out)
+    estimator = _estimator(options, folder)
+    with Stages(Console(stderr=True)) as stages:
+        found = run_odometry(folder, estimator, progress=stages.report)
+        stages.report("report", 0, 1)
+        paths = write_odometry_report(options.out, found, folder, estimator)
+        stages.report("report", 1, 1)
+    return found, metrics(found), paths
+
+
+def _estimator(options: Options, folder: "ScanFolder") -> "Estimator[Any]":
+    """Return the estimator for a folder's radar."""
+    if options.method == "fourier":
+        from echoscape.eval.baselines import FourierOdometry
+
+        return FourierOdometry(range_offset_m=folder.range_offset_m)
+    from echoscape.eval.learned import learned_odometry
+
+    return learned_odometry(options.weights, range_offset_m=folder.range_offset_m)
+
+
+def _table(figures: "dict[str, Any]") -> Table:
+    """Return the main figures as a small table."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    failed = f", [red]{figures['failed']} failed[/red]" if figures["failed"] else ", none failed"
+    table.add_row("pairs", f"{figures['pairs']}{failed}")
+    if figures["judged"]:
+        for name, label, unit in (
+            ("pair_translation_m", "translation", "m"),
+            ("pair_rotation_deg", "rotation", "deg"),
+        ):
+            mean, median, most = (figures[name + ending] for ending in ("", "_median", "_max"))
+            table.add_row(label, f"{mean:.4f} {unit} a pair, median {median:.4f}, at most {most:.4f}")
+    else:
+        table.add_row("truth", "none in this folder")
+    if figures["segments"]:
+        degrees = 100 * figures["rotation_deg_per_m"]
+        table.add_row("drift", f"{figures['translation_percent']:.2f} %, {degrees:.3f} deg a 100 m")
+    elif figures["judged"]:
+        table.add_row("drift", f"unknown: {figures['way_m']:.0f} m hold no segment of 100 m")
+    if figures["hz"] is not None:
+        table.add_row("speed", f"{figures['hz']:.2f} pairs a second")
+    return table
+
+
+def _refused(message: str, code: int) -> int:
+    print(f"echoscape odometry: {message}", file=sys.stderr)
+    return code

@@ -1,0 +1,74 @@
+"""Descriptors: the encoder's maps resized to the picture, one above the other, 248 numbers a pixel.
+
+Source: Barnes & Posner 2020, section III-A (dense descriptors) and III-D (the embedding of a place). Map l is
+resized bilinearly with pixels as areas (`align_corners=False`), as everywhere in this package: its sample j
+stands at pixel 2^l (j + 1/2) - 1/2, which is where max-pooling took it from.
+"""
+
+import torch
+from torch import Tensor
+from torch.nn.functional import grid_sample, interpolate, normalize
+
+from echoscape.learn.unet import Maps
+
+_SMALLEST_NORM = 1e-6
+
+
+def dense_descriptors(maps: Maps) -> Tensor:
+    """Return (B, 248, H, W), not normalised. Built for reference and for tests only: it is large."""
+    size = maps[0].shape[-2:]
+    coarse = [interpolate(each, size=size, mode="bilinear", align_corners=False) for each in maps[1:]]
+    return torch.cat([maps[0], *coarse], 1)
+
+
+def unit(descriptors: Tensor, dim: int = -1) -> Tensor:
+    """Return descriptors divided by their Euclidean length (or by 1e-6, if they are shorter)."""
+    return normalize(descriptors, dim=dim, eps=_SMALLEST_NORM)
+
+
+def sampled(values: Tensor, points_px: Tensor) -> Tensor:
+    """Return (B, N, C): values (B, C, H, W) at points (B, N, 2) row, column [px], interpolated bilinearly.
+
+    Outside the middles of the outermost pixels, what is on the edge goes on.
+    """
+    size = torch.tensor(values.shape[-2:], dtype=points_px.dtype, device=points_px.device)
+    grid = ((points_px + 0.5) * (2 / size) - 1).flip(-1)[:, None].to(values.dtype)
+    found = grid_sample(values, grid, mode="bilinear", padding_mode="border", align_corners=False)
+    return found[:, :, 0].transpose(1, 2)
+
+
+def descriptors_at(maps: Maps, points_px: Tensor) -> Tensor:
+    """Return unit descriptors (B, N, 248) at points (B, N, 2) row, column [px].
+
+    The same as `unit(sampled(dense_descriptors(maps), points_px))`, without the dense map: at the four
+    pixels around a point, each map is what its resized copy would be there.
+    """
+    points_px = points_px.clamp(min=0).minimum(_last_pixel(maps[0], points_px))
+    corner = points_px.detach().floor()
+    down, right = (points_px - corner)[..., None].unbind(-2)  # (B, N, 1) each
+    total = torch.zeros((), device=points_px.device)
+    for step_down in (0, 1):
+        for step_right in (0, 1):
+            pixel = corner + corner.new_tensor([step_down, step_right])
+            weight = (down if step_down else 1 - down) * (right if step_right else 1 - right)
+            total = total + weight * _at_pixels(maps, pixel)
+    return unit(total)
+
+
+def embedding(maps: Maps) -> Tensor:
+    """Return (B, 248): each channel's maximum over the picture, the description of a place.
+
+    A bilinear interpolant is nowhere above its samples, so the maximum of a map is that of its resized copy
+    taken as a function of the place.
+    """
+    return torch.cat([each.amax((2, 3)) for each in maps], 1)
+
+
+def _last_pixel(values: Tensor, points_px: Tensor) -> Tensor:
+    return points_px.new_tensor([values.shape[-2] - 1, values.shape[-1] - 1])
+
+
+def _at_pixels(maps: Maps, pixels: Tensor) -> Tensor:
+    """Return (B, N, 248) of the dense map at whole pixels (B, N, 2)."""
+    pixels = pixels.minimum(_last_pixel(maps[0], pixels))
+    return torch.cat([sampled(each, (pixels + 0.5) / 2**i - 0.5) for i, each in enumerate(maps)], -1)

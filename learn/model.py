@@ -1,0 +1,165 @@
+"""The whole model: two pictures to the motion between them, and each picture to keypoints and a place.
+
+Source: Barnes & Posner 2020, section III and figure 2. A motion is T_destination_source in the axes and the
+order of gt/radar_odometry.csv: for a car that drives on, with the later scan as the source, x is positive.
+"""
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor, nn
+
+from echoscape.learn.descriptors import descriptors_at, embedding, sampled
+from echoscape.learn.fast_matching import fast_expected_matches
+from echoscape.learn.image import ImageSettings
+from echoscape.learn.keypoints import Keypoints, cell_centres, expected_places, keypoints_at
+from echoscape.learn.matching import match_weights
+from echoscape.learn.pixels import metres_of_pixels
+from echoscape.learn.pose import Motion, motion_of_matches
+from echoscape.learn.unet import Decoder, Encoder, Maps
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelSettings:
+    """What makes a model what it is, stored with its weights.
+
+    image: how scans become pictures; cells: a side, each with one keypoint; temperature: T of the matching
+    softmax; location_head, score_head: without, keypoints are the cells' middles, and all scores are 1;
+    headings: turns of the source that inference tries, evenly around, to find the one that matches best.
+    """
+
+    image: ImageSettings = field(default_factory=ImageSettings)
+    cells: int = 20
+    temperature: float = 100.0
+    location_head: bool = True
+    score_head: bool = True
+    headings: int = 1
+
+    def __post_init__(self) -> None:
+        if self.cells < 2 or self.image.size % self.cells:
+            raise ValueError(
+                f"cells must be 2 or more and divide the picture's {self.image.size} px, got {self.cells}"
+            )
+        if not 0 < self.temperature < float("inf"):
+            raise ValueError(f"temperature must be finite and above 0, got {self.temperature}")
+        if not 1 <= self.headings <= 360:
+            raise ValueError(f"headings must be from 1 to 360, got {self.headings}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matching:
+    """How the search for matches is computed; it changes cost and rounding, not what is searched for.
+
+    stride: 1 searches every pixel, 2 a grid of half as many a side; dtype: of the large products.
+    """
+
+    stride: int = 1
+    dtype: torch.dtype = torch.float32
+
+
+@dataclass(frozen=True, kw_only=True)
+class Features:
+    """What the network says of B pictures.
+
+    maps: of the encoder; keypoints: N a picture; scores: (B, 1, H, W) from 0 to 1, None without that head.
+    """
+
+    maps: Maps
+    keypoints: Keypoints
+    scores: Tensor | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matches:
+    """Keypoints of B sources and what they were matched to.
+
+    source_m, destination_m: (B, N, 2) forward, right [m], each in its own frame; weights: (B, N).
+    """
+
+    source_m: Tensor
+    destination_m: Tensor
+    weights: Tensor
+
+    def motion(self) -> Motion:
+        """Return the motion T_destination_source that fits the matches best."""
+        return motion_of_matches(self.source_m, self.destination_m, self.weights)
+
+
+class KeypointModel(nn.Module):
+    """U-Net, keypoints, matching and pose."""
+
+    def __init__(self, settings: ModelSettings) -> None:
+        super().__init__()
+        self.settings = settings
+        self.encoder = Encoder()
+        self.locations = Decoder() if settings.location_head else None
+        self.scores = Decoder() if settings.score_head else None
+
+    def forward(
+        self, source: Tensor, destination: Tensor, matching: Matching, network_dtype: torch.dtype
+    ) -> Motion:
+        """Return the motions T_destination_source between pictures (B, 1, H, H), for training.
+
+        Both go through the network together; keypoints are looked for in the source alone. network_dtype:
+        of the convolutions.
+        """
+        count = source.shape[0]
+        with torch.autocast("cpu", network_dtype, enabled=network_dtype != torch.float32):
+            maps, scores = self.maps(torch.cat([source, destination]))
+            source_maps = tuple(each[:count] for each in maps)
+            logits = None if self.locations is None else self.locations(source_maps)
+        maps = tuple(each.float() for each in maps)
+        found = self.keypoints(tuple(each[:count] for each in maps), _part(scores, 0, count), logits)
+        into = tuple(each[count:] for each in maps)
+        return self.matches(found, into, _part(scores, count, None), matching).motion()
+
+    def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
+        """Return the encoder's maps and the scores of images (B, 1, H, H)."""
+        maps = self.encoder(images)
+        return maps, None if self.scores is None else torch.sigmoid(self.scores(maps).float())
+
+    def features(self, images: Tensor) -> Features:
+        """Return all that a scan needs to be matched with others, of images (B, 1, H, H)."""
+        maps, scores = self.maps(images)
+        logits = None if self.locations is None else self.locations(maps)
+        return Features(maps=maps, keypoints=self.keypoints(maps, scores, logits), scores=scores)
+
+    def keypoints(self, maps: Maps, scores: Tensor | None, logits: Tensor | None) -> Keypoints:
+        """Return the keypoints of pictures; logits: of their places, None for the cells' middles."""
+        if logits is not None:
+            return keypoints_at(expected_places(logits.float(), self.settings.cells), maps, scores)
+        centres = cell_centres(maps[0].shape[-1], self.settings.cells, like=maps[0])
+        return keypoints_at(centres.expand(maps[0].shape[0], -1, -1), maps, scores)
+
+    def matches(
+        self, source: Keypoints, maps: Maps, scores: Tensor | None, matching: Matching | None = None
+    ) -> Matches:
+        """Look for the source's keypoints in destinations that have these maps and scores."""
+        how = matching or Matching()
+        places = fast_expected_matches(
+            source.descriptors,
+            maps,
+            temperature=self.settings.temperature,
+            stride=how.stride,
+            dtype=how.dtype,
+        )
+        similarity = (source.descriptors * descriptors_at(maps, places)).sum(-1)
+        matched = torch.ones_like(similarity) if scores is None else sampled(scores, places)[..., 0]
+        return Matches(
+            source_m=self.metres(source.points_px),
+            destination_m=self.metres(places),
+            weights=match_weights(similarity, source.scores, matched),
+        )
+
+    def metres(self, points_px: Tensor) -> Tensor:
+        """Return points (..., 2) row, column [px] as forward, right [m]."""
+        image = self.settings.image
+        return metres_of_pixels(points_px, size=image.size, pixel_m=image.pixel_m)
+
+    def embedding(self, features: Features) -> Tensor:
+        """Return (B, 248), the description of the place."""
+        return embedding(features.maps)
+
+
+def _part(values: Tensor | None, first: int, end: int | None) -> Tensor | None:
+    return None if values is None else values[first:end]

@@ -1,0 +1,136 @@
+"""Pairs of scans to learn from: any folders that tell poses, 1 to 8 scans apart, in either order.
+
+Source: Barnes & Posner 2020, section IV train on successive scans; wider gaps and both orders are what maps
+and loop closure ask for. What is drawn depends on the generator given alone: a run can go on anywhere.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from echoscape.learn.augment import PlaneMotion, Turns, TurnSettings, drawn_turns, turned
+from echoscape.learn.cells_cache import Report, cells_of
+from echoscape.learn.image import ImageSettings, Projector
+from echoscape.learn.pose import Motion, rotation_of_yaw
+from echoscape.sim.folders import open_folder
+from echoscape.sim.oxford import relative_pose
+from echoscape.sim.whole_files import DatasetError
+
+LARGEST_GAP = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Two scans of a drive, by number, and what to turn their pictures by."""
+
+    drive: int
+    source: int
+    destination: int
+    turns: Turns = field(default_factory=Turns)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """B pairs as tensors: pictures (B, 1, H, H) float32 and the true motions T_destination_source."""
+
+    source: Tensor
+    destination: Tensor
+    motion: Motion
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A folder's scans: cells (N, azimuths, cells) uint8; poses (N, 4) x, y, z [m], yaw [rad], world axes."""
+
+    cells: NDArray[np.uint8]
+    poses: NDArray[np.float64]
+    projector: Projector
+
+    @cached_property
+    def candidates(self) -> list[tuple[int, int]]:
+        """Numbers of scans at most 8 apart that both have poses, the earlier first."""
+        known = np.isfinite(self.poses).all(1)
+        count = len(self.poses)
+        gaps = range(1, LARGEST_GAP + 1)
+        return [(i, i + gap) for gap in gaps for i in range(count - gap) if known[i] and known[i + gap]]
+
+
+class PairSet:
+    """Folders of scans as pairs of pictures with their true motions."""
+
+    def __init__(
+        self,
+        folders: Sequence[Path],
+        image: ImageSettings,
+        *,
+        cache: Path | None = None,
+        report: Report | None = None,
+    ) -> None:
+        """Open the folders and make their cells where there is no cache yet.
+
+        Raises:
+            DatasetError: a folder has no scans, no poses, or no two scans with poses; the message names it.
+        """
+        if not folders:
+            raise DatasetError("data must name one folder or more")
+        self.drives = [_drive(Path(folder), image, cache, report) for folder in folders]
+
+    def drawn(self, turns: TurnSettings, step: int, *, rng: np.random.Generator) -> Pair:
+        """Draw a pair: any drive by its number of scans, any gap alike, either order."""
+        lengths = np.array([len(drive.cells) for drive in self.drives], float)
+        drive = int(rng.choice(len(self.drives), p=lengths / lengths.sum()))
+        candidates = self.drives[drive].candidates
+        gaps = sorted({later - earlier for earlier, later in candidates})
+        gap = gaps[int(rng.integers(len(gaps)))]
+        fitting = [pair for pair in candidates if pair[1] - pair[0] == gap]
+        earlier, later = fitting[int(rng.integers(len(fitting)))]
+        if rng.random() < 0.5:
+            earlier, later = later, earlier
+        return Pair(drive=drive, source=later, destination=earlier, turns=drawn_turns(turns, step, rng=rng))
+
+    def batch(self, pairs: Sequence[Pair]) -> Batch:
+        """Return the pictures and motions of pairs."""
+        sources, destinations, motions = [], [], []
+        for pair in pairs:
+            drive, turns = self.drives[pair.drive], pair.turns
+            project = drive.projector.image
+            sources.append(project(drive.cells[pair.source], turn_rad=turns.source_rad))
+            destinations.append(project(drive.cells[pair.destination], turn_rad=turns.destination_rad))
+            motions.append(turned(plane_motion(drive.poses, pair), turns))
+        return Batch(
+            source=torch.stack(sources), destination=torch.stack(destinations), motion=motion_tensors(motions)
+        )
+
+
+def plane_motion(poses: NDArray[np.float64], pair: Pair) -> PlaneMotion:
+    """Return T_destination_source of a pair, before any turn."""
+    x, y, _, yaw = relative_pose(poses[pair.destination], poses[pair.source])
+    return PlaneMotion(x_m=x, y_m=y, yaw_rad=yaw)
+
+
+def motion_tensors(motions: Sequence[PlaneMotion]) -> Motion:
+    """Return motions as float32 tensors."""
+    yaw = torch.tensor([each.yaw_rad for each in motions], dtype=torch.float64)
+    return Motion(
+        rotation=rotation_of_yaw(yaw).float(),
+        translation_m=torch.tensor([(each.x_m, each.y_m) for each in motions], dtype=torch.float32),
+        certain=torch.ones(len(motions), dtype=torch.bool),
+    )
+
+
+def _drive(folder: Path, image: ImageSettings, cache: Path | None, report: Report | None) -> Drive:
+    scans = open_folder(folder)
+    poses = scans.poses()
+    if poses is None:
+        raise DatasetError(f"{folder}: tells no poses, so there is nothing to learn from")
+    projector = Projector(image, scans.sensor.azimuths)
+    drive = Drive(cells_of(scans, image, cache=cache, report=report), poses, projector)
+    if not drive.candidates:
+        raise DatasetError(f"{folder}: has no two scans with poses within {LARGEST_GAP} of each other")
+    return drive

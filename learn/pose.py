@@ -1,0 +1,79 @@
+"""The motion that best brings matched points together: weighted least squares over rotations and shifts.
+
+Source: Barnes & Posner 2020, section III-C, after Umeyama 1991: weighted centroids, their covariance, its SVD
+with det(V U^T) in the last place. In the plane that rotation is known in closed form, the angle atan2(sum of
+cross products, sum of dot products); its gradient is exact where the SVD's is ill-conditioned.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+_SMALLEST_WEIGHT = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """Poses of B sources in the frames of their destinations, T_destination_source, Oxford axes.
+
+    A point p of the source (forward, right) [m] is rotation @ p + translation_m in the destination's frame.
+    rotation (B, 2, 2); translation_m (B, 2): forward, right; certain (B,) bool: False where the points leave
+    the rotation open (no weight, or all in one place), which is then none.
+    """
+
+    rotation: Tensor
+    translation_m: Tensor
+    certain: Tensor
+
+    @property
+    def yaw_rad(self) -> Tensor:
+        """Angle (B,) of the rotation, clockwise seen from above [rad]."""
+        return torch.atan2(self.rotation[:, 1, 0], self.rotation[:, 0, 0])
+
+
+def motion_of_matches(source_m: Tensor, destination_m: Tensor, weights: Tensor) -> Motion:
+    """Return the motion that minimises the sum of weights |R source + t - destination|^2.
+
+    source_m, destination_m: (B, N, 2) [m]; weights: (B, N), 0 or more, whose scale does not matter.
+    With s and d about their weighted centroids, R turns by atan2(sum w s x d, sum w s . d) and
+    t = mean(d) - R mean(s). Where both sums vanish R is 1 and has no gradient; without weight t is 0.
+
+    Raises:
+        ValueError: the shapes do not fit.
+    """
+    if source_m.shape != destination_m.shape or source_m.shape != (*weights.shape, 2):
+        shapes = f"{tuple(source_m.shape)}, {tuple(destination_m.shape)} and {tuple(weights.shape)}"
+        raise ValueError(f"points must be (B, N, 2) twice and weights (B, N), got {shapes}")
+    total = weights.sum(1, keepdim=True)
+    share = (weights / total.clamp(min=_SMALLEST_WEIGHT))[..., None]
+    source_mean, destination_mean = (share * source_m).sum(1), (share * destination_m).sum(1)
+    source, destination = source_m - source_mean[:, None], destination_m - destination_mean[:, None]
+    dot = (share * source * destination).sum((1, 2))
+    cross = (share[..., 0] * _cross(source, destination)).sum(1)
+    rotation, certain = _rotation(dot, cross, _spread(share, source) + _spread(share, destination))
+    moved_mean = (rotation @ source_mean[..., None])[..., 0]
+    return Motion(rotation=rotation, translation_m=destination_mean - moved_mean, certain=certain)
+
+
+def rotation_of_yaw(yaw_rad: Tensor) -> Tensor:
+    """Return (B, 2, 2) rotations by (B,) angles, clockwise from forward to right [rad]."""
+    cosine, sine = yaw_rad.cos(), yaw_rad.sin()
+    return torch.stack([cosine, -sine, sine, cosine], -1).unflatten(-1, (2, 2))
+
+
+def _cross(first: Tensor, second: Tensor) -> Tensor:
+    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+
+
+def _spread(share: Tensor, points: Tensor) -> Tensor:
+    """Return (B,) the weighted variance of points about their centroid."""
+    return (share * points.detach() ** 2).sum((1, 2)).detach()
+
+
+def _rotation(dot: Tensor, cross: Tensor, spread: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the rotations (B, 2, 2) of (dot, cross), and whether each is determined beyond rounding."""
+    certain = torch.hypot(dot, cross).detach() > 8 * torch.finfo(dot.dtype).eps * spread
+    dot = torch.where(certain, dot, torch.ones_like(dot))
+    cross = torch.where(certain, cross, torch.zeros_like(cross))
+    return rotation_of_yaw(torch.atan2(cross, dot)), certain

@@ -1,0 +1,298 @@
+"""Training: pairs in, a model out, in a folder that tells how it went and from which it can go on.
+
+Source: Barnes & Posner 2020, section IV (Adam, 1e-3, alpha = 10); gradients are clipped at a norm of 10. With
+torchrun, every process draws pairs of its own and gradients are averaged.
+
+    RUN/settings.json   log.jsonl   checkpoint.pt   best.safetensors   last.safetensors   loss.png
+"""
+
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from torch import distributed
+from torch.nn.parallel import DistributedDataParallel
+from torch.nn.utils import clip_grad_norm_
+
+from echoscape.learn.augment import TurnSettings
+from echoscape.learn.checkpoint import FILE_NAME, Checkpoint, Progress, read_checkpoint, write_checkpoint
+from echoscape.learn.loss import ALPHA_M, pose_errors, pose_loss
+from echoscape.learn.model import KeypointModel, Matching, ModelSettings
+from echoscape.learn.pairs import PairSet
+from echoscape.learn.training_plot import draw_training
+from echoscape.learn.validation import fixed_pairs, pair_errors
+from echoscape.learn.weights import write_weights
+from echoscape.sim.whole_files import DatasetError, read_text, remove_temporaries, write_whole
+
+SETTINGS_FILE, LOG_FILE = "settings.json", "log.jsonl"
+DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16}
+
+Report = Callable[[dict[str, Any]], None]
+"""Told of every line of the log."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainSettings:
+    """How a model is trained.
+
+    seed: of all draws; steps: of Adam; pairs: a step and process; learning_rate; alpha_m: weight of rotation
+    in the loss; clip: largest norm of the gradients; match_stride: 2 searches every second pixel in training;
+    network, products: number formats of the convolutions and of the matching's products; turns: of the
+    pictures; validate_every, validate_pairs: steps between validations and pairs of one; log_every: steps
+    averaged in a line of the log; save_every, save_minutes: between checkpoints; patience: validations
+    without a better one after which training ends, 0 for never.
+    """
+
+    seed: int = 0
+    steps: int = 30_000
+    pairs: int = 1
+    learning_rate: float = 1e-3
+    alpha_m: float = ALPHA_M
+    clip: float = 10.0
+    match_stride: Literal[1, 2] = 2
+    network: Literal["float32", "bfloat16"] = "bfloat16"
+    products: Literal["float32", "bfloat16"] = "float32"
+    turns: TurnSettings = field(default_factory=TurnSettings)
+    validate_every: int = 500
+    validate_pairs: int = 64
+    log_every: int = 20
+    save_every: int = 500
+    save_minutes: float = 10.0
+    patience: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "pairs", "validate_every", "validate_pairs", "log_every", "save_every"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be 1 or more, got {getattr(self, name)}")
+        for name in ("learning_rate", "alpha_m", "clip", "save_minutes"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be finite and above 0, got {value}")
+        for name in ("seed", "patience"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name} must be 0 or more, got {getattr(self, name)}")
+
+    @property
+    def matching(self) -> Matching:
+        """How matches are computed in training."""
+        return Matching(stride=self.match_stride, dtype=DTYPES[self.products])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Data:
+    """What is learned from, and what is validated on (None: nothing)."""
+
+    training: PairSet
+    validation: PairSet | None = None
+
+
+def train(
+    out: Path,
+    model_settings: ModelSettings,
+    settings: TrainSettings,
+    data: Data,
+    *,
+    resume: bool = False,
+    report: Report | None = None,
+) -> KeypointModel:
+    """Train a model into the folder `out` and return it as it is at the end.
+
+    Raises:
+        DatasetError: `out` is not empty (or, to resume, holds no run with these settings).
+        ValueError: a loss is not finite, which ends the run at its last checkpoint.
+    """
+    with _processes() as (rank, world):
+        run = _Run(out, model_settings, settings, data, rank=rank, world=world, report=report)
+        run.begin(resume=resume)
+        while run.progress.step < settings.steps and not run.is_out_of_patience:
+            run.advance()
+        run.end()
+        return run.model
+
+
+class _Run:
+    """One process's part of a training run."""
+
+    def __init__(
+        self,
+        out: Path,
+        model_settings: ModelSettings,
+        settings: TrainSettings,
+        data: Data,
+        *,
+        rank: int,
+        world: int,
+        report: Report | None,
+    ) -> None:
+        self.out, self.settings, self.data = out, settings, data
+        self.rank, self.world, self.report = rank, world, report
+        self.model = initial_model(model_settings, seed=settings.seed)
+        self.told = json.loads(
+            json.dumps({"model": asdict(model_settings), "train": asdict(settings), "processes": world})
+        )
+        self.optimiser = torch.optim.Adam(self.model.parameters(), settings.learning_rate)
+        self.progress = Progress()
+        self.forward = DistributedDataParallel(self.model) if world > 1 else self.model
+        self.recent: list[tuple[float, float, float]] = []
+        self.since = self.saved = time.monotonic()
+        self.chosen = (
+            []
+            if data.validation is None
+            else fixed_pairs(data.validation, settings.validate_pairs, seed=settings.seed)
+        )
+
+    @property
+    def is_out_of_patience(self) -> bool:
+        """Whether so many validations were no better that training ends."""
+        waited = self.progress.step - self.progress.best_step
+        patience = self.settings.patience
+        return patience > 0 and bool(self.chosen) and waited >= patience * self.settings.validate_every
+
+    def begin(self, *, resume: bool) -> None:
+        """Make the folder, or take up what is in it."""
+        if resume:
+            self._take_up(read_checkpoint(self.out))
+        elif self.out.exists() and (not self.out.is_dir() or any(self.out.iterdir())):
+            raise DatasetError(f"{self.out}: must be empty or new, or a run to resume")
+        if self.world > 1:
+            distributed.barrier()
+        if self.rank == 0 and not resume:
+            self.out.mkdir(parents=True, exist_ok=True)
+            write_whole(self.out / SETTINGS_FILE, (json.dumps(self.told, indent=1) + "\n").encode())
+            write_whole(self.out / LOG_FILE, b"")
+            self._save()
+
+    def _take_up(self, checkpoint: Checkpoint) -> None:
+        if _without_ends(checkpoint.settings) != _without_ends(self.told):
+            raise DatasetError(f"{self.out / FILE_NAME}: was made with other settings, see {SETTINGS_FILE}")
+        self.model.load_state_dict(checkpoint.model)
+        self.optimiser.load_state_dict(checkpoint.optimiser)
+        self.progress = checkpoint.progress
+        if self.rank == 0:
+            remove_temporaries(self.out)
+            lines = read_text(self.out / LOG_FILE).splitlines()
+            kept = [line for line in lines if json.loads(line)["step"] <= self.progress.step]
+            write_whole(self.out / LOG_FILE, "".join(f"{line}\n" for line in kept).encode())
+
+    def advance(self) -> None:
+        """Make one step of Adam, and what is due after it."""
+        self.recent.append(self._step())
+        self.progress.step += 1
+        step, settings = self.progress.step, self.settings
+        if step % settings.log_every == 0:
+            self._log_recent()
+        if self.chosen and step % settings.validate_every == 0:
+            self._validate()
+        # Minutes count on one process only where no other waits for it to agree.
+        late = self.world == 1 and time.monotonic() - self.saved > 60 * settings.save_minutes
+        if self.rank == 0 and (step % settings.save_every == 0 or (late and step % settings.log_every == 0)):
+            self._save()
+
+    def _step(self) -> tuple[float, float, float]:
+        """Return the mean loss and the mean errors [m], [rad] of one step."""
+        step, settings = self.progress.step, self.settings
+        rng = np.random.default_rng(np.random.SeedSequence([settings.seed, 0, step, self.rank]))
+        drawn = [self.data.training.drawn(settings.turns, step, rng=rng) for _ in range(settings.pairs)]
+        batch = self.data.training.batch(drawn)
+        self.forward.train()
+        self.optimiser.zero_grad(set_to_none=True)
+        motion = self.forward(batch.source, batch.destination, settings.matching, DTYPES[settings.network])
+        loss = pose_loss(motion, batch.motion, alpha_m=settings.alpha_m).mean()
+        if not bool(loss.isfinite()):
+            raise ValueError(f"loss must be finite, got {float(loss.detach())} at step {step}; pairs {drawn}")
+        loss.backward()
+        clip_grad_norm_(self.model.parameters(), settings.clip, error_if_nonfinite=True)
+        self.optimiser.step()
+        shift, turn = (each.detach() for each in pose_errors(motion, batch.motion))
+        return float(loss.detach()), float(shift.mean()), float(turn.mean())
+
+    def _log_recent(self) -> None:
+        loss, shift, turn = np.mean(self.recent, axis=0).tolist()
+        median = np.median(self.recent, axis=0).tolist()
+        self._log({"loss_m": loss, "mean_m": shift, "mean_rad": turn, "median_m": median[1]})
+        self.recent.clear()
+
+    def _validate(self) -> None:
+        """Log the errors of the held-out pairs, and keep the model if it is the best."""
+        assert self.data.validation is not None
+        dtype = DTYPES[self.settings.network]
+        errors = pair_errors(self.model, self.data.validation, self.chosen, self.settings.matching, dtype)
+        self._log({"validation": asdict(errors)})
+        if errors.loss_m < self.progress.best_m:
+            self.progress.best_m, self.progress.best_step = errors.loss_m, self.progress.step
+            self._write_weights("best")
+
+    def _log(self, line: dict[str, Any]) -> None:
+        """Add a line to the log; the time it took stands in the checkpoint, so that logs can be compared."""
+        if self.rank != 0:
+            return
+        line = {"step": self.progress.step, **line}
+        with (self.out / LOG_FILE).open("a") as log:
+            log.write(json.dumps(line) + "\n")
+        if self.report is not None:
+            self.report(line)
+
+    def _save(self) -> None:
+        now = time.monotonic()
+        self.progress.seconds += now - self.since
+        self.since = self.saved = now
+        write_checkpoint(
+            self.out,
+            Checkpoint(
+                settings=self.told,
+                progress=self.progress,
+                model=self.model.state_dict(),
+                optimiser=self.optimiser.state_dict(),
+            ),
+        )
+
+    def _write_weights(self, name: str) -> None:
+        if self.rank == 0:
+            record = {**self.told["train"], "processes": self.world, "step": self.progress.step}
+            best = self.progress.best_m
+            record["validation_loss_m"] = best if math.isfinite(best) else None
+            write_weights(self.out / f"{name}.safetensors", self.model, record)
+
+    def end(self) -> None:
+        """Write the last state, the weights and the plot."""
+        if self.rank == 0:
+            self._save()
+            self._write_weights("last")
+            validation = self.data.validation
+            shown = (validation or self.data.training, self.chosen[0]) if self.chosen else None
+            draw_training(self.out / LOG_FILE, self.out / "loss.png", self.model, shown)
+
+
+def initial_model(settings: ModelSettings, *, seed: int) -> KeypointModel:
+    """Return a model with its first weights, which depend on the seed alone."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(int(np.random.SeedSequence([seed, 2]).generate_state(1)[0]))
+        return KeypointModel(settings).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+
+def _without_ends(told: dict[str, Any]) -> dict[str, Any]:
+    """Return settings without those that may change when a run is taken up: its end, when it is saved."""
+    free = ("steps", "patience", "save_every", "save_minutes")
+    return {**told, "train": {name: value for name, value in told["train"].items() if name not in free}}
+
+
+@contextmanager
+def _processes() -> Iterator[tuple[int, int]]:
+    """Join the processes that torchrun started and give (rank, number); alone it is (0, 1)."""
+    world = int(os.environ.get("WORLD_SIZE", "1"))
+    if world == 1:
+        yield 0, 1
+        return
+    distributed.init_process_group("gloo")
+    try:
+        yield distributed.get_rank(), world
+    finally:
+        distributed.destroy_process_group()

@@ -1,0 +1,63 @@
+"""The picture of a training run: how its errors fell, and the matches of one pair."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from echoscape.learn.model import KeypointModel
+from echoscape.learn.pairs import Pair, PairSet
+from echoscape.sim.whole_files import read_text, temporary_beside
+
+
+def draw_training(
+    log: Path, out: Path, model: KeypointModel, shown: tuple[PairSet, Pair] | None = None
+) -> None:
+    """Draw the lines of a log and the matches of the pair `shown` into the PNG `out`, whole or not at all."""
+    figure = Figure(figsize=(12, 5), layout="constrained")
+    FigureCanvasAgg(figure)
+    curves, matches = figure.subplots(1, 2)
+    _draw_curves(curves, [json.loads(line) for line in read_text(log).splitlines()])
+    matches.set_axis_off()
+    if shown is not None:
+        _draw_matches(matches, model, *shown)
+    temporary = temporary_beside(out)
+    figure.savefig(temporary, format="png", dpi=80)
+    temporary.replace(out)
+
+
+def _draw_curves(axes: Axes, lines: list[dict]) -> None:
+    training = [line for line in lines if "validation" not in line]
+    validation = [line for line in lines if "validation" in line]
+    axes.plot([x["step"] for x in training], [x["median_m"] for x in training], ".", label="training")
+    medians = [x["validation"]["median_m"] for x in validation]
+    axes.plot([x["step"] for x in validation], medians, "o-", label="validation")
+    if training:
+        axes.set_yscale("log")
+    axes.set(xlabel="step", ylabel="median error of a pair's translation [m]")
+    axes.legend()
+
+
+@torch.no_grad()
+def _draw_matches(axes: Axes, model: KeypointModel, pairs: PairSet, pair: Pair) -> None:
+    """Draw keypoints of the source, moved by the estimate, and lines from there to their matches."""
+    batch = pairs.batch([pair])
+    training = model.training
+    model.eval()
+    source, into = model.features(batch.source), model.features(batch.destination)
+    matches = model.matches(source.keypoints, into.maps, into.scores)
+    model.train(training)
+    motion = matches.motion()
+    moved = (matches.source_m @ motion.rotation.transpose(1, 2) + motion.translation_m)[0].numpy()
+    found, weight = matches.destination_m[0].numpy(), matches.weights[0].numpy()
+    half = model.settings.image.size * model.settings.image.pixel_m / 2
+    axes.imshow(batch.destination[0, 0], cmap="gray", extent=(-half, half, -half, half), vmax=0.6)
+    best = np.argsort(weight)[-150:]
+    for start, end in zip(moved[best], found[best], strict=True):
+        axes.plot([start[1], end[1]], [start[0], end[0]], color="tab:orange", linewidth=0.7)
+    axes.scatter(found[best, 1], found[best, 0], s=4, color="tab:green")
+    axes.set(xlim=(-half, half), ylim=(-half, half), title="a pair's 150 heaviest matches: place and error")

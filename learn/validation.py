@@ -1,0 +1,54 @@
+"""How well a model does on pairs that it does not learn from: errors of pairs, as training logs them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from echoscape.learn.augment import TurnSettings
+from echoscape.learn.loss import pose_errors, pose_loss
+from echoscape.learn.model import KeypointModel, Matching
+from echoscape.learn.pairs import Pair, PairSet
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairErrors:
+    """Errors over pairs: of translation [m] and rotation [rad], and the mean loss [m]."""
+
+    median_m: float
+    mean_m: float
+    median_rad: float
+    mean_rad: float
+    loss_m: float
+
+
+def fixed_pairs(pairs: PairSet, count: int, *, seed: int, largest_rad: float = 0.0) -> list[Pair]:
+    """Return pairs drawn once and for all; largest_rad: of the source's turn, both headings at 0."""
+    turns = TurnSettings(common=False, largest_rad=largest_rad, first_step=0, full_step=1)
+    stream = np.random.SeedSequence([seed, 1])
+    return [pairs.drawn(turns, 1, rng=np.random.default_rng(each)) for each in stream.spawn(count)]
+
+
+@torch.no_grad()
+def pair_errors(
+    model: KeypointModel, pairs: PairSet, chosen: Sequence[Pair], matching: Matching, dtype: torch.dtype
+) -> PairErrors:
+    """Return the errors over the chosen pairs; the model is in training mode afterwards if it was before."""
+    training = model.training
+    model.eval()
+    found = []
+    for pair in chosen:
+        batch = pairs.batch([pair])
+        motion = model(batch.source, batch.destination, matching, dtype)
+        shift, turn = pose_errors(motion, batch.motion)
+        found.append((float(shift), float(turn), float(pose_loss(motion, batch.motion))))
+    model.train(training)
+    shift_m, turn_rad, loss_m = np.array(found).T
+    return PairErrors(
+        median_m=float(np.median(shift_m)),
+        mean_m=float(shift_m.mean()),
+        median_rad=float(np.median(turn_rad)),
+        mean_rad=float(turn_rad.mean()),
+        loss_m=float(loss_m.mean()),
+    )

@@ -1,0 +1,113 @@
+"""`echoscape odometry`: files and figures of a run, or one line on what is wrong and nothing left behind."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from echoscape.cli.__main__ import main
+from echoscape.learn.image import ImageSettings
+from echoscape.learn.model import KeypointModel, ModelSettings
+from echoscape.learn.weights import write_weights
+from echoscape.sim.oxford import read_odometry
+from tests.eval.drives import write_points
+
+MOTION = (2.0, 0.3, 0.05)
+
+
+@pytest.fixture(scope="module")
+def points(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_points(tmp_path_factory.mktemp("drive") / "set", MOTION)
+
+
+@pytest.fixture
+def weights(tmp_path: Path) -> Path:
+    torch.manual_seed(1)
+    settings = ModelSettings(image=ImageSettings(pixel_m=2.0, size=64), cells=4)
+    write_weights(tmp_path / "w.safetensors", KeypointModel(settings), {})
+    return tmp_path / "w.safetensors"
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """The line by which the command refuses."""
+    assert main(["odometry", *words]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    line = captured.err.splitlines()[-1]
+    assert line.startswith("echoscape odometry: ")
+    return line
+
+
+def test_run_writes_motion_figures_and_pictures(
+    points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "new" / "out"
+    assert main(["odometry", str(points), "--out", str(out), "--method", "fourier"]) == 0
+    said = capsys.readouterr().out
+    assert "none failed" in said
+    assert str(out / "metrics.json") in said
+    found = json.loads((out / "metrics.json").read_text())
+    assert (found["method"], found["pairs"], found["failed"]) == ("fourier", 1, 0)
+    assert found["pair_translation_m"] < 0.1
+    assert found["pair_rotation_deg"] < 0.45
+    assert read_odometry(out / "odometry.csv")[0].x == pytest.approx(MOTION[0], abs=0.1)
+    for name in ("trajectory.png", "pairs.png", "matches.png"):
+        assert (out / name).read_bytes().startswith(b"\x89PNG")
+    assert not [path for path in out.iterdir() if path.name.startswith(".")]
+
+
+def test_learned_run_tells_its_matches(points: Path, weights: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert main(["odometry", str(points), "--out", str(out), "--weights", str(weights)]) == 0
+    found = json.loads((out / "metrics.json").read_text())
+    assert (found["method"], found["pairs"], found["failed"]) == ("learned", 1, 0)
+    line = (out / "pairs.csv").read_text().splitlines()[1].split(",")
+    assert line[5] == "16"  # 4 x 4 keypoints
+    assert (out / "matches.png").is_file()
+
+
+def test_learned_method_without_weights_says_what_to_do(
+    points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("echoscape.eval.learned.shipped_weights", lambda: None)
+    line = refusal(capsys, str(points), "--out", str(tmp_path / "out"))
+    assert "no weights" in line
+    assert "--weights" in line
+    assert "--method fourier" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_run_in_which_every_pair_fails_is_written_and_fails(
+    points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "set"
+    (folder / "radar").mkdir(parents=True)
+    for path in sorted((points / "radar").iterdir()):
+        (folder / "radar" / path.name).write_bytes(path.read_bytes())
+    broken = folder / "radar" / path.name
+    broken.write_bytes(broken.read_bytes()[:200])
+    out = tmp_path / "out"
+    assert main(["odometry", str(folder), "--out", str(out), "--method", "fourier"]) == 1
+    told = capsys.readouterr()
+    assert "1 failed" in told.out
+    assert str(broken) in told.err.splitlines()[-1]
+    found = json.loads((out / "metrics.json").read_text())
+    assert (found["pairs"], found["failed"], found["judged"]) == (1, 1, 0)
+    assert found["hz"] is None
+    assert not (out / "matches.png").exists()
+
+
+def test_what_is_wrong_is_told(points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "out")
+    assert "no such folder" in refusal(capsys, str(tmp_path / "absent"), "--out", out)
+    assert "--method" in refusal(capsys, str(points), "--out", out, "--method", "magic")
+    assert "--out" in refusal(capsys, str(points))
+    both = ("--method", "fourier", "--weights", "w.safetensors")
+    assert "--weights go with --method learned" in refusal(capsys, str(points), "--out", out, *both)
+    missing = str(tmp_path / "no.safetensors")
+    assert missing in refusal(capsys, str(points), "--out", out, "--weights", missing)
+    (tmp_path / "file").write_text("")
+    place = str(tmp_path / "file")
+    assert "out must be a folder" in refusal(capsys, str(points), "--out", place, "--method", "fourier")
+    assert not Path(out).exists()

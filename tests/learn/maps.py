@@ -1,0 +1,19 @@
+"""Encoder maps and pictures for tests, made by hand: no network is trained."""
+
+import torch
+from torch import Tensor
+
+from echoscape.learn.unet import CHANNELS, Maps
+
+
+def drawn_maps(size: int, *, seed: int = 1, dtype: torch.dtype = torch.float32, batch: int = 1) -> Maps:
+    """Return maps of a picture of `size` pixels, full of drawn numbers of 0 and more."""
+    draws = torch.Generator().manual_seed(seed)
+    shapes = [(batch, count, size >> level, size >> level) for level, count in enumerate(CHANNELS)]
+    return tuple(torch.randn(shape, generator=draws, dtype=dtype).relu() for shape in shapes)
+
+
+def drawn_points(count: int, size: int, *, seed: int = 2, dtype: torch.dtype = torch.float32) -> Tensor:
+    """Return points (1, count, 2) inside a picture."""
+    draws = torch.Generator().manual_seed(seed)
+    return torch.rand((1, count, 2), generator=draws, dtype=dtype) * (size - 1)

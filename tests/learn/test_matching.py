@@ -1,0 +1,127 @@
+"""Matching: the fast form against the plain one, values and gradients, and what a softmax must do."""
+
+import pytest
+import torch
+from numpy.testing import assert_allclose
+from torch import Tensor
+
+from echoscape.learn.descriptors import dense_descriptors, descriptors_at, unit
+from echoscape.learn.fast_matching import fast_expected_matches
+from echoscape.learn.matching import expected_matches, match_weights
+from echoscape.learn.unet import Maps
+from tests.learn.maps import drawn_maps, drawn_points
+
+SIZE = 48
+T = 40.0
+
+
+def _case(dtype: torch.dtype, size: int = SIZE, batch: int = 1) -> tuple[Tensor, Maps]:
+    maps = drawn_maps(size, dtype=dtype, batch=batch)
+    points = drawn_points(9, size, dtype=dtype).expand(batch, -1, -1)
+    noise = torch.randn((batch, 9, 248), generator=torch.Generator().manual_seed(3), dtype=dtype)
+    queries = unit(descriptors_at(maps, points) + 0.03 * noise)
+    return queries.requires_grad_(), tuple(each.requires_grad_() for each in maps)
+
+
+def _slopes(places: Tensor, inputs: list[Tensor]) -> list[Tensor]:
+    return list(torch.autograd.grad((places * torch.linspace(-1, 2, 18).view(9, 2)).sum(), inputs))
+
+
+@pytest.mark.parametrize("size", [16, 48, 160])
+def test_fast_matching_is_plain_matching_in_float64(size: int) -> None:
+    queries, maps = _case(torch.float64, size, batch=2)
+    plain, fast = (
+        expected_matches(queries, maps, temperature=T),
+        fast_expected_matches(queries, maps, temperature=T, dtype=torch.float64),
+    )
+    assert_allclose(fast.detach(), plain.detach(), atol=1e-9)
+    for mine, theirs in zip(_slopes(fast, [queries, *maps]), _slopes(plain, [queries, *maps]), strict=True):
+        assert_allclose(mine, theirs, atol=1e-9 * float(theirs.abs().max()))
+
+
+# float32 has 24 bits: logits of 40 are right to 1e-5. bfloat16 has 8: products of 248 terms to 1e-3 of their
+# length, logits to 0.04, and with them a place spread over some pixels to a tenth.
+@pytest.mark.parametrize(
+    ("dtype", "places_px", "slope"), [(torch.float32, 2e-3, 2e-3), (torch.bfloat16, 0.15, 0.1)]
+)
+def test_fast_matching_in_lower_precision_stays_near(
+    dtype: torch.dtype, places_px: float, slope: float
+) -> None:
+    queries, maps = _case(torch.float32)
+    exact = [each.detach().double().requires_grad_() for each in (queries, *maps)]
+    plain = expected_matches(exact[0], tuple(exact[1:]), temperature=T)
+    fast = fast_expected_matches(queries, maps, temperature=T, dtype=dtype)
+    assert fast.dtype == torch.float32
+    assert_allclose(fast.detach(), plain.detach(), atol=places_px)
+    for mine, theirs in zip(_slopes(fast, [queries, *maps]), _slopes(plain, exact), strict=True):
+        assert (mine - theirs).norm() <= slope * theirs.norm()
+
+
+def test_matching_passes_gradcheck() -> None:
+    queries, maps = _case(torch.float64, 16)
+
+    def places(queries: Tensor, *maps: Tensor) -> Tensor:
+        return fast_expected_matches(queries, maps, temperature=5.0, dtype=torch.float64)
+
+    assert torch.autograd.gradcheck(places, (queries, *maps), fast_mode=True)
+
+
+def test_a_stride_of_two_is_plain_matching_on_a_grid_of_half_as_many() -> None:
+    queries, maps = _case(torch.float64, 64)
+    halves = (torch.nn.functional.avg_pool2d(maps[0], 2), *maps[1:])
+    size = halves[0].shape[-2:]
+    resized = [
+        torch.nn.functional.interpolate(each, size=size, mode="bilinear", align_corners=False)
+        for each in halves[1:]
+    ]
+    dense = unit(torch.cat([halves[0], *resized], 1), dim=1)
+    weights = (T * (queries @ dense.flatten(2))).softmax(-1)
+    axis = torch.arange(32, dtype=torch.float64) * 2 + 0.5
+    expected = weights @ torch.stack(torch.meshgrid(axis, axis, indexing="ij"), -1).reshape(-1, 2)
+    found = fast_expected_matches(queries, maps, temperature=T, stride=2, dtype=torch.float64)
+    assert_allclose(found.detach(), expected.detach(), atol=1e-9)
+
+
+def test_a_descriptor_finds_its_own_pixel_when_the_temperature_is_high() -> None:
+    maps = drawn_maps(32)
+    pixels = torch.tensor([[[4.0, 9.0], [30.0, 1.0], [17.0, 22.0]]])
+    found = fast_expected_matches(descriptors_at(maps, pixels), maps, temperature=2000.0)
+    assert_allclose(found, pixels, atol=1e-3)
+
+
+def test_no_difference_means_the_middle_of_the_picture() -> None:
+    maps = tuple(torch.ones_like(each) for each in drawn_maps(32))
+    queries = unit(torch.rand(1, 3, 248))
+    assert_allclose(
+        fast_expected_matches(queries, maps, temperature=100.0), torch.full((1, 3, 2), 15.5), rtol=1e-4
+    )
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_far_off_similarities_neither_overflow_nor_vanish(sign: int) -> None:
+    maps = drawn_maps(32)
+    queries = sign * unit(dense_descriptors(maps)[:, :, 3, 3])[:, None]
+    places = fast_expected_matches(queries, maps, temperature=3000.0)
+    assert bool(places.isfinite().all())
+    expected = expected_matches(queries, maps, temperature=3000.0)
+    assert_allclose(places, expected, atol=0.05)
+
+
+def test_a_lone_peak_between_the_samples_looked_at_first_is_not_lost() -> None:
+    maps = tuple(torch.full_like(each, 0.01) for each in drawn_maps(32))
+    maps[0][0, :, :, :] = 0.01
+    maps[0][0, 3, 7, 9] = 50.0
+    query = torch.zeros(1, 1, 248)
+    query[..., 3] = 1
+    assert_allclose(fast_expected_matches(query, maps, temperature=400.0), [[[7.0, 9.0]]], atol=1e-3)
+
+
+def test_weights_are_one_for_certain_equals_and_zero_for_opposites() -> None:
+    similarity = torch.tensor([1.0, -1.0, 0.0, 1.0])
+    found = match_weights(similarity, torch.tensor([1.0, 1.0, 1.0, 0.5]), torch.tensor([1.0, 1.0, 1.0, 0.5]))
+    assert found.tolist() == [1.0, 0.0, 0.5, 0.25]
+
+
+def test_a_stride_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(ValueError, match="stride must be one of"):
+        fast_expected_matches(*_case(torch.float32), temperature=T, stride=3)

@@ -1,0 +1,95 @@
+"""U-Net, keypoints and descriptors: shapes that the paper states, and places to a fraction of a pixel."""
+
+import pytest
+import torch
+from numpy.testing import assert_allclose
+from torch import Tensor
+from torch.nn.functional import interpolate
+
+from echoscape.learn.descriptors import dense_descriptors, descriptors_at, embedding, sampled, unit
+from echoscape.learn.keypoints import cell_centres, expected_places
+from echoscape.learn.unet import CHANNELS, Decoder, Encoder
+from tests.learn.maps import drawn_maps, drawn_points
+
+
+def test_encoder_halves_and_doubles_as_the_paper_says() -> None:
+    maps = Encoder()(torch.rand(2, 1, 64, 64))
+    expected = [(2, count, 64 >> level, 64 >> level) for level, count in enumerate((8, 16, 32, 64, 128))]
+    assert [tuple(each.shape) for each in maps] == expected
+    assert sum(CHANNELS) == 248
+
+
+def test_decoder_ends_in_a_pointwise_convolution_without_activation() -> None:
+    decoder = Decoder().eval()
+    assert decoder.head.kernel_size == (1, 1)
+    found = decoder(tuple(each - 0.5 for each in drawn_maps(32)))
+    assert found.shape == (1, 1, 32, 32)
+    with torch.no_grad():
+        decoder.head.weight.neg_()
+        decoder.head.bias.neg_()  # type: ignore[union-attr]
+    assert_allclose(
+        decoder(tuple(each - 0.5 for each in drawn_maps(32))).detach(), -found.detach(), atol=1e-6
+    )
+
+
+def test_descriptors_are_those_of_the_dense_map_and_of_unit_length() -> None:
+    maps, points = drawn_maps(48, dtype=torch.float64), drawn_points(60, 48, dtype=torch.float64)
+    found = descriptors_at(maps, points)
+    assert_allclose(found, unit(sampled(dense_descriptors(maps), points)), atol=1e-12)
+    assert_allclose(found.norm(dim=-1), 1, atol=1e-12)
+
+
+def test_dense_descriptors_hold_each_map_resized_by_areas() -> None:
+    maps = drawn_maps(32)
+    dense = dense_descriptors(maps)
+    assert_allclose(dense[:, :8], maps[0])
+    # Flat maps stay flat: each channel is where its map stands in the order, finest first.
+    flat = tuple(torch.ones_like(each) * (level + 1) for level, each in enumerate(maps))
+    assert dense_descriptors(flat)[0, [0, 8, 24, 56, 120], 5, 9].tolist() == [1, 2, 3, 4, 5]
+
+
+def test_sampling_a_ramp_gives_the_place() -> None:
+    rows, columns = torch.meshgrid(torch.arange(20.0), torch.arange(20.0), indexing="ij")
+    points = drawn_points(40, 20)
+    assert_allclose(sampled(torch.stack([rows, columns])[None], points), points, atol=1e-5)
+
+
+def test_embedding_is_the_highest_of_each_channel_and_bounds_the_dense_map() -> None:
+    maps = drawn_maps(64)
+    found = embedding(maps)
+    assert found.shape == (1, 248)
+    assert (dense_descriptors(maps).amax((2, 3)) <= found + 1e-6).all()
+    assert_allclose(found[:, :8], dense_descriptors(maps)[:, :8].amax((2, 3)))
+
+
+def test_flat_logits_put_keypoints_in_the_middle_of_cells() -> None:
+    found = expected_places(torch.zeros(1, 1, 40, 40), 20)
+    assert_allclose(found[0], cell_centres(40, 20, like=found))
+    assert found[0, 0].tolist() == [0.5, 0.5]
+    assert found[0, 21].tolist() == [2.5, 2.5]
+
+
+@pytest.mark.parametrize("place", [(3.0, 14.0), (7.25, 11.5)])
+def test_a_peak_is_found_to_a_fraction_of_a_pixel(place: tuple[float, float]) -> None:
+    logits = torch.full((40, 40), -60.0)
+    row, column = int(place[0]), int(place[1])
+    down, right = place[0] - row, place[1] - column
+    for r, wr in ((row, 1 - down), (row + 1, down)):
+        for c, wc in ((column, 1 - right), (column + 1, right)):
+            logits[r, c] = torch.tensor(wr * wc + 1e-12).log()
+    found = expected_places(logits[None, None], 2)
+    assert_allclose(found[0, 0], place, atol=1e-3)
+
+
+def test_cells_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(ValueError, match="multiple of 20"):
+        expected_places(torch.zeros(1, 1, 50, 50), 20)
+
+
+def test_resizing_goes_by_areas_everywhere() -> None:
+    coarse = torch.arange(4.0)[None, None, None].expand(1, 1, 4, 4)
+    places = (torch.arange(8.0) + 0.5) / 2 - 0.5
+    expected: Tensor = places.clamp(0, 3)
+    assert_allclose(
+        interpolate(coarse, scale_factor=2, mode="bilinear", align_corners=False)[0, 0, 3], expected
+    )

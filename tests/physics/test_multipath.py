@@ -1,0 +1,154 @@
+"""Ghosts: where they lie, that a bounce limit removes them, and that the mask marks what it removes."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from echoscape.scenes.world import Town
+from echoscape.sim.artefacts import Artefacts
+from echoscape.sim.echoes import Echoes
+from echoscape.sim.polar_scan import Component
+from echoscape.sim.receiver import receive
+from echoscape.sim.scan import Simulator
+from echoscape.sim.trace_settings import TraceSettings
+from echoscape.sim.waveform import echo_grid
+from tests.physics.laws import LawRecorder
+from tests.physics.tracing import HEIGHT_M, ROW_DEG, STEADY, traced
+from tests.sim.worlds import plate, quad, standing, world
+
+SECTION = "Multipath"
+IMAGE = "image theory: a wall at x = 30 m shows x = 20 m at 40 m"
+WALL = ("metal", "wall", plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0))
+CAR = ("soil", "car", plate([20.0, 12.0, HEIGHT_M], [1, 0], 2.0, 1.5))
+"""A rough plate that faces the wall: seen by way of the wall only."""
+ROAD = ("asphalt", "road", quad([[-80, -80, 0], [80, -80, 0], [80, 80, 0], [-80, 80, 0]]))
+ONLY_ECHOES = Artefacts(
+    thermal_noise=False,
+    leakage=False,
+    phase_noise=False,
+    saturation=False,
+    quantisation=False,
+    sidelobes=False,
+)
+
+
+@pytest.fixture(scope="module")
+def yard() -> Echoes:
+    return traced(world(WALL, CAR), max_bounces=3, floor_db=-30.0, sensor=STEADY)
+
+
+def mean_place(echoes: Echoes, mine: np.ndarray) -> tuple[float, float]:
+    """Range [m] and azimuth [deg] of echoes, weighted by power."""
+    weight = echoes.mean_power[mine]
+    rows = (echoes.row[mine] + 200) % 400 - 200
+    return float(np.average(echoes.range_m[mine], weights=weight)), ROW_DEG * float(
+        np.average(rows, weights=weight)
+    )
+
+
+def test_ghost_lies_at_the_mirror_image(law: LawRecorder, yard: Echoes) -> None:
+    range_m, azimuth_deg = mean_place(yard, (yard.bounces == 3) & (yard.instance == 2) & ~yard.sidelobe)
+    law(
+        "Ghost of a car in a wall: range",
+        source=IMAGE,
+        expected=math.hypot(40.0, 12.0),
+        simulated=range_m,
+        tolerance=0.2,
+        unit="m",
+        why="the car is 2 m wide, its power falls from side to side",
+    )
+    law(
+        "Ghost of a car in a wall: azimuth",
+        source=IMAGE,
+        expected=-math.degrees(math.atan2(12.0, 40.0)),
+        simulated=azimuth_deg,
+        tolerance=0.3,
+        unit="deg",
+        why="a third of a row",
+    )
+
+
+def test_loop_lies_at_half_the_total_path(law: LawRecorder) -> None:
+    side = ("soil", "car", plate([25.0, 2.0, HEIGHT_M], [0, -1], 1.0, 1.0))
+    echoes = traced(world(WALL, side), max_bounces=2, floor_db=-30.0, sensor=STEADY)
+    range_m, _ = mean_place(echoes, (echoes.bounces == 2) & (echoes.instance == 2))
+    law(
+        "Out by way of the wall and straight back: range",
+        source="half the total path",
+        expected=(math.hypot(25.0, 2.0) + math.hypot(35.0, 2.0)) / 2,
+        simulated=range_m,
+        tolerance=0.2,
+        unit="m",
+        why="the plate is 1 m wide",
+    )
+
+
+def test_bounce_limit_of_one_removes_every_ghost(law: LawRecorder, yard: Echoes) -> None:
+    first = traced(world(WALL, CAR), floor_db=-30.0, sensor=STEADY, ghosts=False)
+    assert (yard.bounces == 3).any()
+    direct = yard.select(yard.bounces == 1)
+    assert np.array_equal(direct.amplitude, first.amplitude)
+    assert np.array_equal(direct.range_m, first.range_m)
+    law(
+        "Echoes of more than one bounce under a bounce limit of 1",
+        source="by definition; direct echoes stay as they are, bit for bit",
+        expected=0,
+        simulated=int(np.sum(first.bounces > 1)),
+        tolerance=0,
+        why="every one",
+    )
+
+
+def with_and_without_ghosts(town: Town) -> tuple[np.ndarray, np.ndarray]:
+    """Labels (400, bins) of a scan's cells, and which of them are heard only while there are ghosts."""
+    heard, labels = [], np.zeros(0)
+    for ghosts in (True, False):
+        simulator = Simulator(
+            town,
+            standing(),
+            seed=1,
+            sensor=STEADY,
+            settings=TraceSettings(rays=256),
+            artefacts=replace(ONLY_ECHOES, ghosts=ghosts),
+        )
+        rngs = [np.random.default_rng(k) for k in (0, 1)]
+        grid = echo_grid(simulator.echoes(0), STEADY)
+        received = receive(grid, STEADY, simulator.artefacts, noise_rng=rngs[0], phase_rng=rngs[1])
+        heard.append(received.power > 1.5)  # what the quantiser can tell from nothing
+        truth = simulator.scan(0).truth
+        if ghosts and truth is not None:
+            labels = truth.cells.component
+    return labels, heard[0] & ~heard[1]
+
+
+def test_ghost_mask_marks_what_vanishes(law: LawRecorder) -> None:
+    labels, gone = with_and_without_ghosts(world(WALL, CAR))
+    ghost, sidelobe = labels == Component.GHOST, labels == Component.SIDELOBE
+    assert ghost.sum() > 100
+    law(
+        "Wall and car alone: cells marked ghost that do not vanish without ghosts",
+        source="the mask says what a cell is made of",
+        expected=0,
+        simulated=int(np.sum(ghost & ~gone)),
+        tolerance=0,
+        why="every cell",
+    )
+    law(
+        "Wall and car alone: vanishing cells that are neither ghost nor the range window's sidelobe",
+        source="the mask says what a cell is made of",
+        expected=0,
+        simulated=int(np.sum(gone & ~ghost & ~sidelobe)),
+        tolerance=0,
+        why="every cell",
+    )
+    labels, gone = with_and_without_ghosts(world(WALL, CAR, ROAD))
+    law(
+        "Wall, car and road: share of the vanishing cells that is marked ghost",
+        source="the mask says what a cell is made of",
+        expected=1.0,
+        simulated=float(np.mean(labels[gone] == Component.GHOST)),
+        tolerance=0.01,
+        why="direct and ghost echoes of about one strength add in any phase: a cell of both may fall silent",
+    )
