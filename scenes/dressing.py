@@ -44,12 +44,13 @@ def dress_streets(
 ) -> None:
     """Put furniture and parked vehicles along every street."""
     shapely.prepare(ground.carriageway)
+    feet = {prototype.name: foot_of(prototype) for prototype in assembly.prototypes}
     for street, cut, child in zip(network.streets, room, seeds.spawn(len(network.streets)), strict=True):
         rng = np.random.default_rng(child)
         line = part(street.line, cut[0], street.length_m - cut[1])
         if street.type.pavement_m > 0:
             for side in (line[::-1], line):  # to the right of travel in both directions
-                walk = Pavement(assembly, taken, street, side, ground, preset.kerb_height_m, rng)
+                walk = Pavement(assembly, taken, street, side, ground, feet, preset.kerb_height_m, rng)
                 walk.signs()
                 walk.shelter()
                 walk.lamps(preset.lamps_m)
@@ -82,11 +83,12 @@ class Pavement:
         street: Street,
         line: Line,
         ground: Ground,
+        feet: dict[str, Foot],
         base_m: float,
         rng: np.random.Generator,
     ) -> None:
         self._assembly, self._taken, self._base_m, self._rng = assembly, taken, base_m, rng
-        self._type, self._carriageway = street.type, ground.carriageway
+        self._type, self._carriageway, self._feet = street.type, ground.carriageway, feet
         self._line, self._along = line, arc_length(line)
         self._normal, self._heading = left_normals(line), headings(line)
         self.length_m = float(self._along[-1])
@@ -102,7 +104,7 @@ class Pavement:
         at = points_at(self._line, np.array([distance_m]))[0]
         middle = at - normal * (self._type.half_width_m + from_kerb_m)
         yaw = float(np.interp(distance_m, self._along, self._heading)) + turn_rad
-        foot = foot_of(self._assembly[name])
+        foot = self._feet[name]
         ahead = np.array([np.cos(yaw), np.sin(yaw)])
         aside = np.array([-ahead[1], ahead[0]])
         x, y = scale * (foot.low_m + foot.high_m) / 2
