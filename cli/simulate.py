@@ -18,6 +18,7 @@ from echoscape.cli.worlds import RecipeFlags, recipe_of
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.recipe import Recipe
 from echoscape.sim.sensors import sensor_from
+from echoscape.sim.variation import varied
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +36,9 @@ class Options:
     """TOML file of a scene of one's own, in the place of a preset; its keys: docs/scenes.md."""
     targets: Path | None = None
     """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
+    vary: bool = False
+    """Draw sensor, artefacts and surfaces about those given, by the seed: for training that must carry over to
+    real radar (docs/fidelity.md)."""
     workers: int = 1
     """Processes that make scans side by side; the result does not depend on it."""
     threads: int | None = None
@@ -53,6 +57,7 @@ def main(arguments: Sequence[str]) -> int:
         default = _defaults(arguments)
         options = parsed(Options, prog="echoscape simulate", arguments=arguments, default=default)
         recipe = recipe_of(options.recipe, scene=options.scene, targets=options.targets)
+        recipe = varied(recipe) if options.vary else recipe
         _check(options)
     except (DatasetError, ValueError) as error:
         return _refused(str(error), 2)

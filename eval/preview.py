@@ -38,6 +38,8 @@ COMPONENT_COLOURS = {
     "spoke": "#ffc14d",
     "leakage": "#7ee081",
     "noise": "#39424e",
+    "rain": "#3f8cff",
+    "interference": "#ff5252",
 }
 """Colours of what makes a cell, by component."""
 
@@ -52,6 +54,7 @@ THINGS = {
     ),
     "vehicle": ("#4cc9f0", ("car", "van", "truck", "bus")),
     "people": ("#ff70a6", ("pedestrian", "cyclist")),
+    "test target": ("#ffffff", ("target",)),
 }
 """Groups of classes: legend, colour, names of the classes."""
 

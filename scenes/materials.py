@@ -151,14 +151,14 @@ MATERIALS: dict[str, Material] = {
             d=1.3969,
             band_ghz=(1.0, 40.0),
             source=_P4,
-            rms_height_m=0.0008,
-            scattering=0.5,
+            rms_height_m=0.0004,
+            scattering=0.25,
             rms_slope_rad=0.01,
             roughness_source=(
                 "dense asphalt texture depth 0.5-1 mm; row used beyond its band (extrapolated to 76.5 GHz); "
                 f"texture of wear, patches and joints{_TEXTURE}"
             ),
-            texture_shape=10.0,
+            texture_shape=3.0,
         ),
         Material(
             name="paving",
@@ -168,10 +168,11 @@ MATERIALS: dict[str, Material] = {
             d=0.7822,
             band_ghz=(1.0, 100.0),
             source=_P3,
-            rms_height_m=0.0006,
-            scattering=0.5,
+            rms_height_m=0.0003,
+            scattering=0.3,
             rms_slope_rad=0.012,
             roughness_source="concrete slabs and kerbs, joints of some mm; the row of concrete; calibrated",
+            texture_shape=3.0,
         ),
         Material(
             name="soil",

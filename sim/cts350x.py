@@ -23,31 +23,39 @@ CTS350X = Sensor(
     chirps="rising",  # [cal] assumed
     fft_size=8192,  # the least power of two that gives 3768 bins from real samples
     window="hann",  # [M] shape of the range point spread
+    sweep_ripple_db=(  # [cal] to [M] skirt of the range point spread, -24, -30, -34 dB at 12, 24, 40 bins
+        (2.6, -23.8),
+        (3.4, -36.4),
+        (4.3, -28.8),
+        (6.6, -32.1),
+        (8.2, -33.7),
+        (10.0, -36.0),
+    ),
     adc_bits=12,  # [cal] no published figure; its quantisation noise stays below the thermal noise
-    full_scale_db=67.0,  # [cal] to [M] largest code 136 (68 dB)
+    full_scale_db=65.5,  # [cal] to [M] largest code 136 (68 dB)
     tx_power_w=0.02,  # [cal] 13 dBm, usual for a single-chip 77 GHz transmitter
     antenna_gain_db=34.67,  # directivity of the patterns below
     system_loss_db=15.34,  # [cal] brings the level of a street's echoes to [M]; losses of the dish included
     noise_figure_db=15.0,  # [cal] usual for 77 GHz receivers
     noise_units=1.57,  # [M] mean power of quiet rows at far range, and the shares of codes there
     range_gain_db=(  # [cal] to the lower envelope of [M] relative to the noise beyond 100 m
-        (0.0, -4.0),
-        (4.0, -3.0),
-        (7.5, -1.0),
-        (15.0, 1.0),
-        (30.0, 1.9),
-        (50.0, 1.4),
+        (0.0, -3.0),
+        (4.0, -2.5),
+        (7.5, -1.5),
+        (15.0, 0.0),
+        (30.0, 1.2),
+        (50.0, 1.2),
         (70.0, 1.0),
         (90.0, 0.5),
         (110.0, 0.0),
         (163.0, -0.4),
     ),
-    azimuth_pattern_db=(  # [M] azimuth point spread, main lobe narrowed by 3 % for the turn within a sweep
+    azimuth_pattern_db=(  # [M] azimuth point spread, main lobe narrowed by 6 % for the turn within a sweep
         (0.0, 0.0),
-        (0.53, -3.0),
-        (0.83, -6.0),
-        (1.13, -10.0),
-        (1.94, -20.0),
+        (0.511, -3.0),
+        (0.801, -6.0),
+        (1.09, -10.0),
+        (1.872, -20.0),
         (2.83, -30.0),
         (4.5, -38.0),
         (9.0, -42.0),
@@ -74,13 +82,17 @@ CTS350X = Sensor(
     ),
     phase_noise_dbc_hz=-85.0,  # [cal] usual for 77 GHz synthesisers inside the loop bandwidth
     phase_noise_corner_hz=300e3,  # [cal]
-    leakage_dbm=(  # [cal] to [M] mean code 29-47 in bins 0-32, 5 at bin 70
-        (0.1, -98.0),
-        (0.45, -100.0),
-        (0.8, -101.0),
-        (1.2, -103.0),
-        (1.7, -111.0),
-        (2.3, -118.0),
+    leakage_dbm=(  # [cal] to [M]: mean code 30 below 0.3 m, 47 at 0.7 m, 43 at 1.1 m, 29 at 1.4 m, 16 at 2 m
+        (0.1, -110.8),
+        (0.35, -125.0),
+        (0.6, -97.3),
+        (0.85, -125.0),
+        (1.1, -102.2),
+        (1.4, -110.6),
+        (1.75, -109.7),
+        (2.2, -114.8),
+        (2.8, -117.9),
+        (3.5, -125.0),
     ),
     mount_height_m=2.0,  # [cal] on the roof of a compact car
     mount_tilt_deg=0.0,  # [cal]

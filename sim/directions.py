@@ -13,10 +13,15 @@ from numpy.typing import NDArray
 
 from echoscape.sim.antenna import Antenna
 
-WIDE_SHARE = 0.35
-"""Share of rays drawn in elevation from the one-way pattern, which is broader: it serves the near ground,
-high facades, and returns that leave and come back by different directions. The rest follows the two-way
-pattern."""
+WIDE_SHARE = 0.25
+"""Share of rays drawn in elevation from the one-way pattern, which is broader: it serves high facades and
+returns that leave and come back by different directions."""
+GROUND_SHARE = 0.3
+"""Share of rays drawn so that they would meet level ground evenly by range: near ground has hundreds of range
+cells in few degrees where the pattern is weak, and its speckle needs rays in each. The rest of the rays
+follow the two-way pattern."""
+GROUND_M = (4.0, 50.0)
+"""Ranges over which those rays meet level ground [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +50,24 @@ def _elevation_density(antenna: Antenna) -> NDArray[np.float64]:
     solid = np.cos(antenna.elevation_grid_rad)
     two_way, one_way = antenna.elevation_one_way**2 * solid, antenna.elevation_one_way * solid
     step = antenna.elevation_grid_rad[1] - antenna.elevation_grid_rad[0]
-    return ((1 - WIDE_SHARE) * two_way / two_way.sum() + WIDE_SHARE * one_way / one_way.sum()) / step
+    shares = (
+        (1 - WIDE_SHARE - GROUND_SHARE, two_way),
+        (WIDE_SHARE, one_way),
+        (GROUND_SHARE, _evenly_over_ground(antenna)),
+    )
+    return np.sum([share * weight / weight.sum() for share, weight in shares], axis=0) / step
+
+
+def _evenly_over_ground(antenna: Antenna) -> NDArray[np.float64]:
+    """Return the density by elevation, but for a factor, of rays that meet level ground evenly by range.
+
+    Ground at the angle a below the horizon lies at h / tan a, so that dr / da = h / sin^2 a.
+    """
+    sensor = antenna.sensor
+    below = -(antenna.elevation_grid_rad + math.radians(sensor.mount_tilt_deg))
+    near, far = (math.atan(sensor.mount_height_m / range_m) for range_m in GROUND_M)
+    within = (below >= far) & (below <= near)
+    return np.divide(1.0, np.sin(below) ** 2, out=np.zeros_like(below), where=within)
 
 
 _OVERLAP_ROWS = 60

@@ -56,6 +56,8 @@ class Sensor:
     """Length of the zero-padded range FFT, a power of two."""
     window: Literal["hann", "hamming", "blackman", "boxcar"]
     """Window over the sweep's samples."""
+    sweep_ripple_db: Table
+    """Ripple of the amplitude over a sweep: level of the sidelobe [dB] by its periods in a sweep."""
     adc_bits: int
     """Resolution of the analogue-to-digital converter."""
     full_scale_db: float

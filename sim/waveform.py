@@ -59,9 +59,24 @@ def echo_grid(echoes: Echoes, sensor: Sensor, *, rows: int | None = None) -> NDA
 
 @lru_cache(maxsize=8)
 def _weights_spectrum(sensor: Sensor, count: int) -> NDArray[np.float32]:
-    """Return sqrt(2) over the spectrum of the grid's linear weights (sinc^2: triangles of two bins)."""
+    """Return sqrt(2) over the spectrum of the grid's linear weights (sinc^2: triangles of two bins), rippled."""
     times = np.arange(count) - count // 2
-    return (math.sqrt(2) / np.sinc(times / sensor.fft_size) ** 2).astype(np.float32)
+    weights = math.sqrt(2) / np.sinc(times / sensor.fft_size) ** 2
+    return (weights * sweep_ripple(sensor, count)).astype(np.float32)
+
+
+def sweep_ripple(sensor: Sensor, count: int) -> NDArray[np.float64]:
+    """Return the amplitude (count,) over a sweep, about 1; `count` may reach beyond the sweep on both sides.
+
+    A ripple of p periods in a sweep and amplitude 2 m makes sidelobes of m, p resolution cells to each side
+    (paired echoes; Klauder et al., Bell System Technical Journal 39(4), 1960).
+    """
+    turns = (np.arange(count) - count // 2) / sensor.samples
+    amplitude = np.ones(count)
+    for number, (periods, level_db) in enumerate(sensor.sweep_ripple_db):
+        # Golden-ratio phases: no two ripples peak together.
+        amplitude += 2 * 10 ** (level_db / 20) * np.cos(2 * np.pi * (periods * turns + 0.618 * (number + 1)))
+    return amplitude
 
 
 def beat(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.float32]:
@@ -93,7 +108,7 @@ def beat_reference(echoes: Echoes, sensor: Sensor) -> NDArray[np.float64]:
     places = grid_place(echoes.range_m, sensor)
     for row, place, amplitude in zip(echoes.row, places, echoes.amplitude, strict=True):
         signal[row] += math.sqrt(2) * (complex(amplitude) * np.exp(2j * np.pi * place * cycles)).real
-    return signal
+    return signal * sweep_ripple(sensor, sensor.samples)
 
 
 def spectrum(signal: NDArray[np.float32], sensor: Sensor, *, step: int = 1) -> NDArray[np.complex64]:
