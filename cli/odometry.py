@@ -40,12 +40,11 @@ class Options:
 def main(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit code: 0 done, 1 every pair failed, 2 bad input."""
     try:
-        options = parsed(Options, prog="echoscape odometry", arguments=arguments)
-        found, figures, paths = _run(options)
+        found, figures, paths = _run(parsed(Options, prog="echoscape odometry", arguments=arguments))
     except ValueError as error:  # what a data set lacks is one of them
         return _refused(str(error), 2)
     except OSError as error:
-        return _refused(f"{error.filename or options.out}: {error.strerror or error}", 2)
+        return _refused(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2)
     console = Console()
     console.print(_table(figures))
     for path in paths:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 from scipy.ndimage import map_coordinates
 
 from echoscape.eval.estimator import PairFailed, PairMotion
@@ -91,7 +90,8 @@ class FourierOdometry:
         loudness = np.log1p(_LOUDNESS / magnitude.max() * magnitude)
         rings = map_coordinates(loudness, self._places, order=1, mode="grid-wrap")
         rings -= rings.mean(axis=0)  # what all directions share says nothing of the turn
-        return FourierFeatures(cells=cells, spectrum=spectrum, directions=fft.rfft(rings, axis=0))
+        directions = np.fft.rfft(rings, axis=0).astype(np.complex64)
+        return FourierFeatures(cells=cells, spectrum=spectrum, directions=directions)
 
     def motion(self, earlier: FourierFeatures, later: FourierFeatures) -> PairMotion:
         """Return the turn at which the spectra agree, then the shift at which the pictures do.
@@ -109,12 +109,12 @@ class FourierOdometry:
         if rows not in self._projectors:
             self._projectors[rows] = Projector(self.settings.image, rows)
         picture = self._projectors[rows].image(cells, turn_rad=turn_rad)[0].numpy()
-        return np.asarray(fft.rfft2(picture * self._window))
+        return np.fft.rfft2(picture * self._window).astype(np.complex64)
 
     def _turn(self, earlier: NDArray[np.complex64], later: NDArray[np.complex64]) -> float:
         """Return the yaw of the later scan [rad]: how far its content turned anticlockwise."""
         count = self.settings.directions
-        agreement = fft.irfft((earlier * later.conj()).sum(axis=1), count)
+        agreement = np.fft.irfft((earlier * later.conj()).sum(axis=1), count)
         reach = round(self.settings.largest_turn_rad * count / math.pi)
         lags = np.arange(-reach - 1, reach + 2)
         values = agreement[lags]
@@ -128,7 +128,7 @@ class FourierOdometry:
         image = self.settings.image
         cross = earlier * later.conj()
         phases = cross / (np.abs(cross) + _SMALLEST) * self._low_pass
-        agreement = fft.irfft2(phases, (image.size, image.size))
+        agreement = np.fft.irfft2(phases, (image.size, image.size))
         reach = round(self.settings.largest_shift_m / image.pixel_m)
         lags = np.arange(-reach - 1, reach + 2)
         values = agreement[np.ix_(lags, lags)]
@@ -147,7 +147,7 @@ def _vertex(before: float, at: float, after: float) -> float:
 
 def _low_pass(size: int, blur_px: float) -> NDArray[np.float32]:
     """Return the transform (size, size / 2 + 1) of a Gaussian of standard deviation `blur_px`."""
-    down, right = fft.fftfreq(size)[:, None], fft.rfftfreq(size)[None, :]
+    down, right = np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :]
     return np.exp(-2 * (math.pi * blur_px) ** 2 * (down**2 + right**2)).astype(np.float32)
 
 
@@ -155,5 +155,5 @@ def _direction_places(settings: FourierSettings) -> NDArray[np.float64]:
     """Return row and column (2, directions, radii) in a spectrum, directions clockwise from forward."""
     size = settings.image.size
     angle = np.arange(settings.directions)[:, None] * (math.pi / settings.directions)
-    radius = np.arange(round(settings.band[0] * size), round(settings.band[1] * size))
+    radius = np.arange(round(settings.band[0] * size), round(settings.band[1] * size)).astype(np.float64)
     return np.stack([-np.cos(angle) * radius % size, np.sin(angle) * radius])

@@ -81,7 +81,8 @@ def segments(estimate: ArrayLike, truth: ArrayLike, *, step: int = KITTI_STEP) -
         raise ValueError(f"step must be 1 or more, got {step}")
     way_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)))[: len(true)]
     starts = np.arange(0, len(true), step)
-    first, length = (each.ravel() for each in np.meshgrid(starts, np.array(LENGTHS_M), indexing="ij"))
+    first = np.repeat(starts, len(LENGTHS_M))
+    length = np.tile(np.array(LENGTHS_M, np.float64), len(starts))
     last = np.searchsorted(way_m, way_m[first] + length, side="right")
     reached = last < len(true)
     first, last, length = first[reached], last[reached], length[reached]

@@ -83,6 +83,13 @@ class Odometry:
         """Whether each pair (N - 1,) failed."""
         return np.array([pair.motion is None for pair in self.pairs], bool)
 
+    @cached_property
+    def known(self) -> NDArray[np.bool_]:
+        """Whether the true pose of each scan (N,) is known."""
+        if self.truth is None:
+            return np.zeros(len(self.names), np.bool_)
+        return ~np.isnan(self.truth).any(axis=1).reshape(-1)
+
     @property
     def hz(self) -> float | None:
         """Pairs a second, from a scan in memory to its pose; None if no pair came to one.

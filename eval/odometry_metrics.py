@@ -67,8 +67,10 @@ def _drift(odometry: Odometry, step: int) -> dict[str, Any]:
     """Return the drift with segments that start at every `step`-th frame."""
     parts = []
     if odometry.truth is not None:
-        known = np.isfinite(odometry.truth).all(axis=1)
-        parts = [segments(odometry.poses[part], odometry.truth[part], step=step) for part in stretches(known)]
+        parts = [
+            segments(odometry.poses[part], odometry.truth[part], step=step)
+            for part in stretches(odometry.known)
+        ]
     return drift_of_segments(joined(parts)).content()
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
@@ -64,7 +65,7 @@ def _true_stretches(odometry: Odometry) -> list[NDArray[np.float64]]:
     if odometry.truth is None:
         return []
     found = []
-    for part in stretches(np.isfinite(odometry.truth).all(axis=1)):
+    for part in stretches(odometry.known):
         true = odometry.truth[part]
         found.append(composed(odometry.poses[part.start], between(true[0], true)))
     return found
@@ -171,7 +172,7 @@ def _moved(picture: NDArray[np.float32], motion: PairMotion) -> NDArray[np.float
     points = np.stack([forward, right, np.zeros_like(forward)], axis=-1)
     own = between(np.array([motion.x_m, motion.y_m, motion.yaw_rad]), points)
     places = [middle - own[..., 0] / pixel_m, middle + own[..., 1] / pixel_m]
-    return map_coordinates(picture, places, order=1)
+    return np.asarray(map_coordinates(picture, places, order=1), np.float32)
 
 
 def _show(axes: Axes, picture: NDArray, name: str) -> None:
@@ -188,7 +189,8 @@ def _draw_matches(axes: Axes, matches: Matches) -> None:
     share = matches.weights / max(float(matches.weights.max(initial=0.0)), 1e-12)
     opacity = np.clip(share, 0.05, 1.0)
     axes.add_collection(LineCollection(list(lines), colors=INK, linewidths=1.2, alpha=opacity))
-    axes.scatter(lines[:, 1, 0], lines[:, 1, 1], s=9, color=ACCENT, alpha=opacity, linewidths=0)
+    colours = [(*to_rgb(ACCENT), part) for part in opacity.tolist()]
+    axes.scatter(lines[:, 1, 0], lines[:, 1, 1], s=9, c=colours, linewidths=0)
 
 
 # ---------------------------------------------------------------------- the page

@@ -83,9 +83,10 @@ def test_run_in_which_every_pair_fails_is_written_and_fails(
 ) -> None:
     folder = tmp_path / "set"
     (folder / "radar").mkdir(parents=True)
-    for path in sorted((points / "radar").iterdir()):
-        (folder / "radar" / path.name).write_bytes(path.read_bytes())
-    broken = folder / "radar" / path.name
+    names = sorted(path.name for path in (points / "radar").iterdir())
+    for name in names:
+        (folder / "radar" / name).write_bytes((points / "radar" / name).read_bytes())
+    broken = folder / "radar" / names[-1]
     broken.write_bytes(broken.read_bytes()[:200])
     out = tmp_path / "out"
     assert main(["odometry", str(folder), "--out", str(out), "--method", "fourier"]) == 1

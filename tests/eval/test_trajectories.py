@@ -103,7 +103,9 @@ def test_kitti_files_say_the_same_when_read_again(tmp_path: Path) -> None:
 def test_tum_files_say_the_same_when_read_again(tmp_path: Path) -> None:
     path = tmp_path / "poses.tum"
     times_us = 1_547_131_050_982_510 + 250_001 * np.arange(len(poses_3d()))
-    path.write_text("# t x y z qx qy qz qw\n" + tum_text(times_us, poses_3d()))
+    text = tum_text(times_us, poses_3d())
+    assert all(float(line.split()[-1]) >= 0 for line in text.splitlines())  # of q and -q the one with w >= 0
+    path.write_text("# t x y z qx qy qz qw\n" + text)
     times, poses = read_tum(path)
     assert times.tolist() == times_us.tolist()
     assert_allclose(poses, poses_3d(), atol=2e-8)  # nine decimals of a quaternion
