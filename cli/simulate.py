@@ -37,8 +37,8 @@ class Options:
     targets: Path | None = None
     """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
     vary: bool = False
-    """Draw sensor, artefacts and surfaces about those given, by the seed: for training that must carry over to
-    real radar (docs/fidelity.md)."""
+    """Draw sensor, artefacts and surfaces about those given, by the seed: for training that must carry over
+    to real radar (docs/fidelity.md)."""
     workers: int = 1
     """Processes that make scans side by side; the result does not depend on it."""
     threads: int | None = None

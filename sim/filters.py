@@ -61,7 +61,7 @@ class EchoFilter:
         others = (self.bounces, self.instances, self.classes)
         if self.receiver_components and any(each is not None for each in others):
             raise ValueError(
-                "noise, leakage, spoke, rain and interference are no echoes: they have no bounces, instance or class"
+                "noise, leakage, spoke, rain and interference are no echoes: they have no bounces or class"
             )
 
     @property

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 LARGEST_CODE = 254
 _ROUNDED = np.float32(0.74)
-"""Added before a power is cut to whole counts. The shares of codes 0, 6, 9, 12, ... in quiet cells of real scans
-(60.1, 20.3, 9.9, 4.8 %) are those of an exponential law cut so; with one half code 6 is a tenth too rare."""
+"""Added before a power is cut to whole counts. The shares of codes 0, 6, 9, 12, ... in quiet cells of real
+scans (60.1, 20.3, 9.9, 4.8 %) are those of an exponential law cut so; with one half code 6 is too rare."""
 _BITS_OF_ONE = np.float32(1).view(np.uint32)
 _HALF = np.uint32(1 << 22)
 
 
 def codes(power: ArrayLike) -> NDArray[np.uint8]:
-    """Return the codes (...) uint8 of received powers (...) >= 0 in the sensor's units; powers are rounded.
+    """Return the codes (...) uint8 of powers (...) >= 0 in the sensor's units, which are cut to counts.
 
     Raises:
         ValueError: a power is negative or not finite.

@@ -59,7 +59,7 @@ def echo_grid(echoes: Echoes, sensor: Sensor, *, rows: int | None = None) -> NDA
 
 @lru_cache(maxsize=8)
 def _weights_spectrum(sensor: Sensor, count: int) -> NDArray[np.float32]:
-    """Return sqrt(2) over the spectrum of the grid's linear weights (sinc^2: triangles of two bins), rippled."""
+    """Return sqrt(2) over the spectrum of the grid's linear weights (sinc^2), times the sweep's ripple."""
     times = np.arange(count) - count // 2
     weights = math.sqrt(2) / np.sinc(times / sensor.fft_size) ** 2
     return (weights * sweep_ripple(sensor, count)).astype(np.float32)
