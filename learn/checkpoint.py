@@ -5,7 +5,7 @@ Draws depend on the step alone, so the state is the model's, the optimiser's and
 
 import io
 import pickle
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,17 @@ FILE_NAME = "checkpoint.pt"
 
 @dataclass(kw_only=True)
 class Progress:
-    """How far a run has come: steps done, the best validation error [m] and when, the seconds taken."""
+    """How far a run has come.
+
+    step: steps done; best_m, best_step: lowest validation loss [m] and when; seconds: taken so far; recent:
+    loss and errors of the steps since the last line of the log.
+    """
 
     step: int = 0
     best_m: float = float("inf")
     best_step: int = 0
     seconds: float = 0.0
+    recent: list[tuple[float, float, float]] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -141,7 +141,6 @@ class _Run:
         self.optimiser = torch.optim.Adam(self.model.parameters(), settings.learning_rate)
         self.progress = Progress()
         self.forward = DistributedDataParallel(self.model) if world > 1 else self.model
-        self.recent: list[tuple[float, float, float]] = []
         self.since = self.saved = time.monotonic()
         self.chosen = (
             []
@@ -184,7 +183,7 @@ class _Run:
 
     def advance(self) -> None:
         """Make one step of Adam, and what is due after it."""
-        self.recent.append(self._step())
+        self.progress.recent.append(self._step())
         self.progress.step += 1
         step, settings = self.progress.step, self.settings
         if step % settings.log_every == 0:
@@ -215,10 +214,10 @@ class _Run:
         return float(loss.detach()), float(shift.mean()), float(turn.mean())
 
     def _log_recent(self) -> None:
-        loss, shift, turn = np.mean(self.recent, axis=0).tolist()
-        median = np.median(self.recent, axis=0).tolist()
+        loss, shift, turn = np.mean(self.progress.recent, axis=0).tolist()
+        median = np.median(self.progress.recent, axis=0).tolist()
         self._log({"loss_m": loss, "mean_m": shift, "mean_rad": turn, "median_m": median[1]})
-        self.recent.clear()
+        self.progress.recent.clear()
 
     def _validate(self) -> None:
         """Log the errors of the held-out pairs, and keep the model if it is the best."""

@@ -55,7 +55,7 @@ def _draw_matches(axes: Axes, model: KeypointModel, pairs: PairSet, pair: Pair) 
     moved = (matches.source_m @ motion.rotation.transpose(1, 2) + motion.translation_m)[0].numpy()
     found, weight = matches.destination_m[0].numpy(), matches.weights[0].numpy()
     half = model.settings.image.size * model.settings.image.pixel_m / 2
-    axes.imshow(batch.destination[0, 0], cmap="gray", extent=(-half, half, -half, half), vmax=0.6)
+    axes.imshow(batch.destination[0, 0].numpy(), cmap="gray", extent=(-half, half, -half, half), vmax=0.6)
     best = np.argsort(weight)[-150:]
     for start, end in zip(moved[best], found[best], strict=True):
         axes.plot([start[1], end[1]], [start[0], end[0]], color="tab:orange", linewidth=0.7)

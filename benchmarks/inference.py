@@ -1,0 +1,63 @@
+"""Seconds of a trained model's work: a scan's picture, its features, and the motion of a pair.
+
+    python -m benchmarks.inference [--sizes 320 640] [--threads 2] [--repeats 5]
+
+In a drive each new scan costs its features once and one pair. Scans and weights are drawn numbers.
+"""
+
+import argparse
+
+import numpy as np
+import torch
+
+from benchmarks.machine import description
+from benchmarks.training_step import medians
+from echoscape.learn.image import ImageSettings, Projector, range_cells
+from echoscape.learn.inference import Estimator
+from echoscape.learn.model import Matching, ModelSettings
+from echoscape.learn.train import initial_model
+from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.heap import keep_freed_memory
+
+DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16}
+
+
+def measure(size: int, matching: Matching, repeats: int) -> None:
+    """Print what each part takes at one size."""
+    image = ImageSettings(size=size, pixel_m=0.6912 * 320 / size)
+    estimator = Estimator(initial_model(ModelSettings(image=image), seed=1), matching)
+    shape = (CTS350X.azimuths, CTS350X.bins)
+    codes, bin_m = np.random.default_rng(1).integers(0, 120, shape, np.uint8), CTS350X.bin_m
+    scan, projector = estimator.features(codes, bin_m), Projector(image, len(codes))
+    parts = {
+        "picture": lambda: projector.image(range_cells(codes, bin_m, image)),
+        "picture and features": lambda: estimator.features(codes, bin_m),
+        "pair": lambda: estimator.estimate(scan, scan),
+    }
+    found = {name: medians(part, repeats) for name, part in parts.items()}
+    for name, (seconds, used) in found.items():
+        print(f"{size} px, {name}: {seconds:.3f} s ({used:.3f} s of processor time)", flush=True)
+    rate = 1 / (found["picture and features"][0] + found["pair"][0])
+    print(f"{size} px, scans a second of a drive: {rate:.1f}", flush=True)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--sizes", type=int, nargs="+", default=[320, 640])
+    parser.add_argument("--threads", type=int, default=torch.get_num_threads())
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--stride", type=int, default=1)
+    parser.add_argument("--products", choices=DTYPES, default="float32")
+    options = parser.parse_args()
+    keep_freed_memory()
+    torch.set_num_threads(options.threads)
+    print(f"{description()}, torch {torch.__version__}, {options.threads} thread(s)")
+    for size in options.sizes:
+        measure(size, Matching(stride=options.stride, dtype=DTYPES[options.products]), options.repeats)
+
+
+if __name__ == "__main__":
+    main()

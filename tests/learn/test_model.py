@@ -1,0 +1,131 @@
+"""The whole model: motions from ideal descriptors, heads that can be left out, inference as in training."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from numpy.testing import assert_allclose
+from torch import Tensor
+
+from echoscape.learn.descriptors import dense_descriptors
+from echoscape.learn.image import ImageSettings, image_of_codes
+from echoscape.learn.inference import Estimator, folded
+from echoscape.learn.keypoints import keypoints_at
+from echoscape.learn.model import KeypointModel, Matching, ModelSettings
+from echoscape.learn.pixels import pixels_of_metres
+from echoscape.learn.train import initial_model
+from echoscape.learn.unet import CHANNELS, Maps
+from tests.learn.folders import BIN_M
+
+SIZE, PIXEL_M = 80, 1.5
+# At T = 300 the ideal descriptors below make peaks of 1.5 px: wide enough for every second pixel.
+SETTINGS = ModelSettings(image=ImageSettings(pixel_m=PIXEL_M, size=SIZE), temperature=300.0)
+
+
+def _ideal_maps(forward_m: float, right_m: float, yaw: float) -> Maps:
+    """Maps whose descriptors tell each pixel's place in the world, seen from a pose, and nothing else."""
+    offset = (torch.arange(SIZE) - (SIZE - 1) / 2) * PIXEL_M
+    forward, right = -offset[:, None].expand(SIZE, SIZE), offset[None].expand(SIZE, SIZE)
+    x = forward_m + math.cos(yaw) * forward - math.sin(yaw) * right
+    y = right_m + math.sin(yaw) * forward + math.cos(yaw) * right
+    waves = [(1.0, 0.0), (0.0, 1.0), (1.1, 1.3), (1.3, -1.1)]
+    phases = [(u * x + v * y) * (2 * math.pi / 220) for u, v in waves]
+    fine = torch.stack([each for phase in phases for each in (phase.cos(), phase.sin())])[None]
+    coarse = [torch.zeros(1, count, SIZE >> level, SIZE >> level) for level, count in enumerate(CHANNELS)]
+    return fine, *coarse[1:]
+
+
+def _inner_points() -> Tensor:
+    draws = np.random.default_rng(1).uniform(-25, 25, (1, 60, 2)).astype(np.float32)
+    return pixels_of_metres(torch.from_numpy(draws), size=SIZE, pixel_m=PIXEL_M)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4, math.pi / 2, -3.0])
+@pytest.mark.parametrize("matching", [Matching(), Matching(stride=2)])
+def test_ideal_descriptors_give_the_motion(yaw: float, matching: Matching) -> None:
+    model = KeypointModel(SETTINGS)
+    destination, source = (2.0, -3.0, 0.7), (2.0 + 5.3, -3.0 + 4.1, 0.7 + yaw)
+    keypoints = keypoints_at(_inner_points(), _ideal_maps(*source), None)
+    found = model.matches(keypoints, _ideal_maps(*destination), None, matching).motion()
+    shift = complex(5.3, 4.1) * np.exp(-0.7j)  # forward + i right, in the destination's frame
+    assert_allclose(found.translation_m[0], [shift.real, shift.imag], atol=0.02 * PIXEL_M)
+    assert_allclose(math.remainder(float(found.yaw_rad) - yaw, 2 * math.pi), 0, atol=1e-3)
+
+
+def _codes() -> np.ndarray:
+    """Drawn codes (400, 3768) with something everywhere, so that no two places look alike."""
+    blocks = np.random.default_rng(6).integers(0, 130, (80, 157), np.uint8)
+    return blocks.repeat(5, 0).repeat(24, 1)
+
+
+def _used_to(codes: np.ndarray, settings: ModelSettings) -> KeypointModel:
+    """Return an untrained model whose normalisations know a scan, so that all maps are of like strength."""
+    model = initial_model(settings, seed=5)
+    for part in model.modules():
+        if isinstance(part, torch.nn.BatchNorm2d):
+            part.momentum = 1.0
+    with torch.no_grad():
+        model.train().features(image_of_codes(codes, BIN_M, settings.image)[None])
+    return model
+
+
+def _picture(seed: int = 1) -> Tensor:
+    return torch.rand((1, 1, SIZE, SIZE), generator=torch.Generator().manual_seed(seed))
+
+
+@pytest.mark.parametrize("location_head", [True, False])
+@pytest.mark.parametrize("score_head", [True, False])
+def test_heads_can_be_left_out(location_head: bool, score_head: bool) -> None:
+    settings = ModelSettings(image=SETTINGS.image, location_head=location_head, score_head=score_head)
+    model = initial_model(settings, seed=1).eval()
+    found = model.features(_picture())
+    assert found.keypoints.points_px.shape == (1, 400, 2)
+    centres = (found.keypoints.points_px[0, :20, 1] - (torch.arange(20) * 4 + 1.5)).abs().max()
+    assert (centres == 0) == (not location_head)
+    assert bool((found.keypoints.scores == 1).all()) == (not score_head)
+    motion = model.train()(_picture(1), _picture(2), Matching(), torch.float32)
+    motion.translation_m.sum().backward()
+    assert all(each.grad is not None and bool(each.grad.isfinite().all()) for each in model.parameters())
+
+
+def test_folding_normalisation_into_convolutions_changes_rounding_alone() -> None:
+    model = initial_model(SETTINGS, seed=3)
+    with torch.no_grad():
+        model.train().maps(_picture(4) * 3)  # statistics that are not 0 and 1
+    plain = dense_descriptors(model.eval().encoder(_picture()))
+    assert_allclose(dense_descriptors(folded(model).encoder(_picture())), plain.detach(), atol=2e-4)
+
+
+def test_a_scan_matched_with_itself_has_not_moved() -> None:
+    # Without location head: keypoints at the same places, each found at its own pixel by a sharp softmax.
+    settings = ModelSettings(image=SETTINGS.image, temperature=5000.0, location_head=False)
+    estimator = Estimator(_used_to(_codes(), settings))
+    codes = _codes()
+    scan = estimator.features(codes, BIN_M)
+    same = estimator.estimate(scan, scan)
+    # Neighbouring pixels look alike to a network that has learned nothing: 0.03 px.
+    assert_allclose([same.motion.x_m, same.motion.y_m, same.motion.yaw_rad], 0, atol=0.03 * PIXEL_M)
+    assert same.certain
+    assert estimator.embedding(scan).shape == (248,)
+
+
+def test_headings_find_a_source_that_was_turned() -> None:
+    settings = ModelSettings(
+        image=SETTINGS.image, temperature=3000.0, location_head=False, score_head=False, headings=4
+    )
+    estimator = Estimator(_used_to(_codes(), settings))
+    codes = _codes()
+    source, destination = (estimator.features(each, BIN_M) for each in (np.roll(codes, -100, 0), codes))
+    found = estimator.estimate(source, destination).motion
+    # What stood right (row 100) stands ahead: the car has turned right by a quarter.
+    assert_allclose([found.x_m, found.y_m, found.yaw_rad], [0, 0, math.pi / 2], atol=0.03 * PIXEL_M)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [({"cells": 7}, "cells"), ({"temperature": 0.0}, "temperature"), ({"headings": 0}, "headings")],
+)
+def test_settings_that_make_no_model_are_refused(wrong: dict, told: str) -> None:
+    with pytest.raises(ValueError, match=f"{told} must"):
+        ModelSettings(**wrong)

@@ -1,0 +1,145 @@
+"""Training: the same result whether stopped or not, what it leaves behind, what it refuses."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from echoscape.cli.train import main
+from echoscape.learn.augment import TurnSettings
+from echoscape.learn.image import ImageSettings
+from echoscape.learn.model import ModelSettings
+from echoscape.learn.pairs import PairSet
+from echoscape.learn.train import Data, TrainSettings, train
+from echoscape.learn.weights import read_weights
+from echoscape.sim.whole_files import DatasetError
+from tests.learn.folders import write_folder
+
+MODEL = ModelSettings(image=ImageSettings(pixel_m=1.3824, size=80))
+SHORT = TrainSettings(steps=5, validate_every=2, validate_pairs=2, log_every=2, save_every=3)
+POSES = [(1.5 * i, 0.0, 0.05 * i) for i in range(6)]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_folder(tmp_path_factory.mktemp("data") / "drive", POSES)
+
+
+@pytest.fixture(scope="module")
+def data(folder: Path) -> Data:
+    pairs = PairSet([folder], MODEL.image)
+    return Data(training=pairs, validation=pairs)
+
+
+def test_a_run_that_was_stopped_goes_on_to_the_same_bytes(data: Data, tmp_path: Path) -> None:
+    def stop(line: dict[str, Any]) -> None:
+        if line["step"] == 4:
+            raise KeyboardInterrupt
+
+    train(tmp_path / "whole", MODEL, SHORT, data)
+    with pytest.raises(KeyboardInterrupt):
+        train(tmp_path / "stopped", MODEL, SHORT, data, report=stop)
+    train(tmp_path / "stopped", MODEL, SHORT, data, resume=True)
+    for name in ("last.safetensors", "best.safetensors", "log.jsonl", "settings.json"):
+        assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert {path.name for path in (tmp_path / "whole").iterdir()} == {
+        *("settings.json", "log.jsonl", "checkpoint.pt"),
+        *("last.safetensors", "best.safetensors", "loss.png"),
+    }
+    lines = [json.loads(line) for line in (tmp_path / "whole" / "log.jsonl").read_text().splitlines()]
+    assert [line["step"] for line in lines] == [2, 2, 4, 4]
+
+
+def test_weights_carry_their_settings_and_their_training(data: Data, tmp_path: Path) -> None:
+    model = train(tmp_path / "run", MODEL, SHORT, data)
+    read, record = read_weights(tmp_path / "run" / "last.safetensors")
+    assert read.settings == MODEL
+    assert record["step"] == 5
+    assert record["learning_rate"] == 1e-3
+    for name, value in model.state_dict().items():
+        assert torch.equal(value, read.state_dict()[name])
+
+
+def test_damaged_weights_are_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "bad.safetensors").write_bytes(b"no weights at all")
+    with pytest.raises(DatasetError, match=r"bad\.safetensors: is no model"):
+        read_weights(tmp_path / "bad.safetensors")
+    with pytest.raises(DatasetError, match=r"absent\.safetensors"):
+        read_weights(tmp_path / "absent.safetensors")
+
+
+def test_a_folder_in_use_or_other_settings_are_refused(data: Data, tmp_path: Path) -> None:
+    train(tmp_path / "run", MODEL, TrainSettings(steps=1), data)
+    with pytest.raises(DatasetError, match="run: must be empty or new"):
+        train(tmp_path / "run", MODEL, TrainSettings(steps=1), data)
+    with pytest.raises(DatasetError, match="other settings"):
+        train(tmp_path / "run", MODEL, TrainSettings(steps=2, seed=1), data, resume=True)
+    with pytest.raises(DatasetError, match="cannot be read"):
+        train(tmp_path / "empty", MODEL, SHORT, data, resume=True)
+
+
+def test_training_ends_when_patience_does(data: Data, tmp_path: Path) -> None:
+    settings = TrainSettings(
+        steps=40, validate_every=1, validate_pairs=1, patience=2, learning_rate=1e-30, log_every=50
+    )
+    train(tmp_path / "run", MODEL, settings, data)
+    lines = (tmp_path / "run" / "log.jsonl").read_text().splitlines()
+    assert len(lines) < 40
+
+
+@pytest.mark.slow
+def test_a_few_hundred_steps_bring_the_error_down_by_half(tmp_path: Path) -> None:
+    poses = [(2.0 * i, 0.03 * i * i, 0.03 * i) for i in range(16)]
+    folder = write_folder(tmp_path / "drive", poses)
+    pairs = PairSet([folder], ImageSettings(pixel_m=1.3824, size=160))
+    settings = TrainSettings(steps=300, validate_every=299, turns=TurnSettings(largest_rad=0.0), log_every=50)
+    train(
+        tmp_path / "run",
+        ModelSettings(image=ImageSettings(pixel_m=1.3824, size=160)),
+        settings,
+        Data(training=pairs),
+    )
+    lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    assert lines[-1]["median_m"] < 0.5 * lines[0]["median_m"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--size", "100"], "size must be a multiple of 16"),
+        (["--size", "96"], "cells must"),
+        (["--steps", "0"], "steps must be 1 or more"),
+        (["--threads", "0"], "threads must be 1 or more"),
+        (["--turns.largest-rad", "9"], "largest_rad must be"),
+    ],
+)
+def test_arguments_that_make_no_run_are_told_in_a_line(
+    arguments: list[str], told: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["--data", str(folder), "--out", str(tmp_path / "run"), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert len(error.strip().splitlines()) == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_command_trains(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "run"
+    words = [
+        "--data",
+        str(folder),
+        "--out",
+        str(out),
+        "--size",
+        "80",
+        "--resolution",
+        "1.3824",
+        "--steps",
+        "2",
+    ]
+    assert main([*words, "--cache", str(tmp_path / "cache")]) == 0
+    assert (out / "last.safetensors").exists()
+    assert main(words) == 2
+    assert "must be empty or new" in capsys.readouterr().err
