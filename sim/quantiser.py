@@ -13,6 +13,8 @@ LARGEST_CODE = 254
 _ROUNDED = np.float32(0.74)
 """Added before a power is cut to whole counts. The shares of codes 0, 6, 9, 12, ... in quiet cells of real
 scans (60.1, 20.3, 9.9, 4.8 %) are those of an exponential law cut so; with one half code 6 is too rare."""
+LEAST_POWER = 2 - float(_ROUNDED)
+"""Power below which the code is 0: two counts."""
 _BITS_OF_ONE = np.float32(1).view(np.uint32)
 _HALF = np.uint32(1 << 22)
 

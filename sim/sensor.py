@@ -57,7 +57,8 @@ class Sensor:
     window: Literal["hann", "hamming", "blackman", "boxcar"]
     """Window over the sweep's samples."""
     sweep_ripple_db: Table
-    """Ripple of the amplitude over a sweep: level of the sidelobe [dB] by its periods in a sweep."""
+    """Ripple of the amplitude over a sweep: level of the sidelobe [dB] by its periods in a sweep;
+    may be empty."""
     adc_bits: int
     """Resolution of the analogue-to-digital converter."""
     full_scale_db: float
@@ -97,7 +98,7 @@ class Sensor:
             value = getattr(self, field.name)
             if isinstance(value, (int, float)) and not math.isfinite(value):
                 raise ValueError(f"{field.name} must be finite, got {value}")
-            if isinstance(value, tuple):
+            if isinstance(value, tuple) and (value or field.name != "sweep_ripple_db"):
                 _check_table(field.name, value)
         for name in _POSITIVE:
             if getattr(self, name) <= 0:

@@ -19,6 +19,7 @@ from echoscape.sim.echoes import Echoes
 from echoscape.sim.link import range_gain, units_per_watt, window, written_units
 from echoscape.sim.motion import MoverStates
 from echoscape.sim.polar_scan import CellTruth, Component, MoverBoxes
+from echoscape.sim.quantiser import LEAST_POWER
 from echoscape.sim.rain import rain_amplitude
 from echoscape.sim.receiver import PART_STEP, Received, leakage_grid
 from echoscape.sim.sensor import Sensor
@@ -89,7 +90,7 @@ class Labeller:
         component.ravel()[cells] = kind
         named = self._filled(echoes, component, cells[explained], source[explained])
         # What the quantiser cannot tell from nothing is noise, whatever it came from.
-        return _by_bin(named, heard=received.power > 1.5)
+        return _by_bin(named, heard=received.power >= LEAST_POWER)
 
     def _rain(self, rate_mm_h: float) -> NDArray[np.float32]:
         """Return the mean power of rain in every step of range (S,)."""

@@ -18,7 +18,7 @@ from tests.sim.worlds import plate, straight, world
 
 SECTION = "FMCW"
 HARRIS = "Harris, Proc. IEEE 66(1), 1978"
-ONE_ROW = replace(CTS350X, azimuths=1)
+ONE_ROW = replace(CTS350X, azimuths=1, sweep_ripple_db=())
 FINE = replace(ONE_ROW, bins=4 * CTS350X.bins, bin_m=CTS350X.bin_m / 4, fft_size=4 * CTS350X.fft_size)
 """Four times as many bins, so that the shape of a peak can be read off."""
 CELL_M = 299792458 / 2 / 600e6
@@ -159,7 +159,7 @@ def test_windows(
     )
     # White noise of variance 1 has the mean sum w^2, an echo of 1 W peaks with (sum w)^2 / 2.
     rng = np.random.default_rng(5)
-    noisy = replace(CTS350X, azimuths=400, window=name)
+    noisy = replace(CTS350X, azimuths=400, window=name, sweep_ripple_db=())
     noise = rng.standard_normal((400, noisy.samples)).astype(np.float32)
     floor = np.mean(np.abs(spectrum(noise, noisy)[:, 100:-100]) ** 2, dtype=np.float64)
     law(

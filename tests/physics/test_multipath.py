@@ -18,12 +18,15 @@ from tests.physics.laws import LawRecorder
 from tests.physics.tracing import HEIGHT_M, ROW_DEG, STEADY, traced
 from tests.sim.worlds import plate, quad, standing, world
 
+EVEN = replace(STEADY, sweep_ripple_db=())
+"""Without the skirt of a rippled sweep, which a ghost has as well but which is named a sidelobe."""
+
 SECTION = "Multipath"
 IMAGE = "image theory: a wall at x = 30 m shows x = 20 m at 40 m"
 WALL = ("metal", "wall", plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0))
 CAR = ("soil", "car", plate([20.0, 12.0, HEIGHT_M], [1, 0], 2.0, 1.5))
 """A rough plate that faces the wall: seen by way of the wall only."""
-ROAD = ("asphalt", "road", quad([[-80, -80, 0], [80, -80, 0], [80, 80, 0], [-80, 80, 0]]))
+ROAD = ("concrete", "road", quad([[-80, -80, 0], [80, -80, 0], [80, 80, 0], [-80, 80, 0]]))
 ONLY_ECHOES = Artefacts(
     thermal_noise=False,
     leakage=False,
@@ -109,14 +112,14 @@ def with_and_without_ghosts(town: Town) -> tuple[np.ndarray, np.ndarray]:
             town,
             standing(),
             seed=1,
-            sensor=STEADY,
+            sensor=EVEN,
             settings=TraceSettings(rays=256),
             artefacts=replace(ONLY_ECHOES, ghosts=ghosts),
         )
         rngs = [np.random.default_rng(k) for k in (0, 1)]
-        grid = echo_grid(simulator.echoes(0), STEADY)
-        received = receive(grid, STEADY, simulator.artefacts, noise_rng=rngs[0], phase_rng=rngs[1])
-        heard.append(received.power > 1.5)  # what the quantiser can tell from nothing
+        grid = echo_grid(simulator.echoes(0), EVEN)
+        received = receive(grid, EVEN, simulator.artefacts, noise_rng=rngs[0], phase_rng=rngs[1])
+        heard.append(received.power >= 1.26)  # what the quantiser can tell from nothing
         truth = simulator.scan(0).truth
         if ghosts and truth is not None:
             labels = truth.cells.component

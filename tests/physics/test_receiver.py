@@ -17,7 +17,7 @@ from echoscape.sim.waveform import beat, echo_grid
 from tests.physics.laws import LawRecorder
 
 SECTION = "Receiver"
-FLAT = replace(CTS350X, range_gain_db=((0.0, 0.0), (163.0, 0.0)))
+FLAT = replace(CTS350X, range_gain_db=((0.0, 0.0), (163.0, 0.0)), sweep_ripple_db=())
 FEW = replace(FLAT, azimuths=8)
 CORRELATION = "4 sin^2(pi f tau), Budge & Burt, IEEE RADAR 1993"
 CLEAN = Artefacts(thermal_noise=False, leakage=False, phase_noise=False, saturation=False, quantisation=False)

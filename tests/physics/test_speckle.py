@@ -55,8 +55,8 @@ def cell_sums(
 
 
 def test_speckle_of_rough_ground(law: LawRecorder) -> None:
-    # Paving has no texture. Every third row (2.7 deg) and every 0.25 m, some thirty rays in each.
-    town = world(("paving", "road", bowl()))
+    # Concrete has no texture. Every third row (2.7 deg) and every 0.25 m, some thirty rays in each.
+    town = world(("concrete", "road", bowl()))
     cells = [
         cell_sums(traced(town, rays=1024, floor_db=-30.0, sensor=STEADY, seed=seed), 30.5, 35.5, rows=3)
         for seed in range(2)

@@ -14,7 +14,7 @@ from echoscape.sim.quantiser import codes
 from echoscape.sim.receiver import PART_STEP, Received, receive
 from echoscape.sim.waveform import beat, echo_grid, grid_place, sample_times, spectrum
 
-FLAT = replace(CTS350X, range_gain_db=((0.0, 0.0), (163.0, 0.0)))
+FLAT = replace(CTS350X, range_gain_db=((0.0, 0.0), (163.0, 0.0)), sweep_ripple_db=())
 SMALL = replace(FLAT, azimuths=8)
 QUIET = Artefacts(thermal_noise=False, leakage=False, phase_noise=False, saturation=False, quantisation=False)
 
@@ -37,9 +37,12 @@ def test_noise_has_the_measured_law_and_code_shares() -> None:
     # Neighbouring bins are correlated over some 6: 400 x 3768 / 6 independent draws.
     assert noise.mean() == pytest.approx(FLAT.noise_units, rel=0.01)
     assert noise.std() / noise.mean() == pytest.approx(1.0, rel=0.02)  # exponential
-    counts = np.bincount(codes(noise).ravel(), minlength=19) / noise.size
-    # n = round(P), P exponential: the share of code 0 is P < 1.5, of 6 is 1.5 <= P < 2.5, ...
-    edges = np.exp(-np.array([0, 1.5, 2.5, 3.5, 4.5, 5.5]) / FLAT.noise_units)
+    far = noise * 10 ** (
+        CTS350X.range_gain_db[-1][1] / 10
+    )  # as the far range has it, where shares are measured
+    counts = np.bincount(codes(far).ravel(), minlength=19) / noise.size
+    # n = floor(P + 0.74), P exponential: the share of code 0 is P < 1.26, of 6 is 1.26 <= P < 2.26, ...
+    edges = np.exp(-np.array([0, 1.26, 2.26, 3.26, 4.26, 5.26]) / far.mean())
     np.testing.assert_allclose(counts[[0, 6, 9, 12, 14]], edges[:-1] - edges[1:], rtol=0.03)
     np.testing.assert_allclose(counts[[0, 6, 9, 12, 14]], [0.601, 0.203, 0.099, 0.048, 0.024], rtol=0.15)
 
