@@ -225,9 +225,18 @@ class _Run:
         dtype = DTYPES[self.settings.network]
         errors = pair_errors(self.model, self.data.validation, self.chosen, self.settings.matching, dtype)
         self._log({"validation": asdict(errors)})
-        if errors.loss_m < self.progress.best_m:
-            self.progress.best_m, self.progress.best_step = errors.loss_m, self.progress.step
+        loss_m = self._of_first_process(errors.loss_m)
+        if loss_m < self.progress.best_m:
+            self.progress.best_m, self.progress.best_step = loss_m, self.progress.step
             self._write_weights("best")
+
+    def _of_first_process(self, value: float) -> float:
+        """Return the first process's value, so that all end together: running means differ between them."""
+        if self.world == 1:
+            return value
+        told = torch.tensor([value], dtype=torch.float64)
+        distributed.broadcast(told, 0)
+        return float(told)
 
     def _log(self, line: dict[str, Any]) -> None:
         """Add a line to the log; the time it took stands in the checkpoint, so that logs can be compared."""
