@@ -17,6 +17,8 @@ from echoscape.learn.model import KeypointModel, ModelSettings
 from echoscape.sim.whole_files import DatasetError, write_whole
 
 FORMAT = "echoscape keypoints 1"
+_KEY = "echoscape"
+"""The one entry of the header: several would be written in an order that changes from run to run."""
 
 
 def settings_of(told: Mapping[str, Any]) -> ModelSettings:
@@ -33,11 +35,8 @@ def settings_of(told: Mapping[str, Any]) -> ModelSettings:
 
 def write_weights(path: Path, model: KeypointModel, record: Mapping[str, Any]) -> None:
     """Write a model to `path`, whole or not at all; record: of its training, anything that JSON holds."""
-    header = {
-        "format": FORMAT,
-        "settings": json.dumps(asdict(model.settings)),
-        "training": json.dumps(dict(record)),
-    }
+    told = {"format": FORMAT, "settings": asdict(model.settings), "training": dict(record)}
+    header = {_KEY: json.dumps(told)}
     tensors = {name: value.detach().cpu().contiguous() for name, value in model.state_dict().items()}
     write_whole(path, save(tensors, header))
 
@@ -50,12 +49,12 @@ def read_weights(path: Path) -> tuple[KeypointModel, dict[str, Any]]:
     """
     try:
         with safe_open(path, "pt") as file:
-            header = file.metadata() or {}
+            header = json.loads((file.metadata() or {}).get(_KEY, "{}"))
             if header.get("format") != FORMAT:
                 raise DatasetError(f"{path}: its format is {header.get('format')!r}, wanted {FORMAT!r}")
-            model = KeypointModel(settings_of(json.loads(header["settings"])))
+            model = KeypointModel(settings_of(header["settings"]))
             model.load_state_dict({name: file.get_tensor(name) for name in file.keys()})  # noqa: SIM118
-            return model.eval(), json.loads(header["training"])
+            return model.eval(), header["training"]
     except DatasetError:
         raise
     except (OSError, SafetensorError, KeyError, ValueError, RuntimeError) as error:
