@@ -55,7 +55,7 @@ class Drive:
     @cached_property
     def candidates(self) -> list[tuple[int, int]]:
         """Numbers of scans at most 8 apart that both have poses, the earlier first."""
-        known = np.isfinite(self.poses).all(1).tolist()
+        known = [bool(np.isfinite(pose).all()) for pose in self.poses]
         count = len(self.poses)
         gaps = range(1, LARGEST_GAP + 1)
         return [(i, i + gap) for gap in gaps for i in range(count - gap) if known[i] and known[i + gap]]
