@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.sim.beat_files import read_beat
+from echoscape.sim.beat_signal import BeatSignal
 from echoscape.sim.boreas import RT_OFFSET_M, UPDATED_BIN_M, UPDATED_US
 from echoscape.sim.layout import Layout
 from echoscape.sim.layouts import LAYOUTS, layout_named, layout_of
@@ -67,6 +69,11 @@ class ScanFolder:
         """Read the truth of scan `index`; None in a folder that is not ours."""
         path = self._path(index)
         return read_truth(self.folder / "truth" / f"{path.stem}.npz") if self.simulated else None
+
+    def beat(self, index: int) -> BeatSignal | None:
+        """Read the beat signal of scan `index`; None where none was kept."""
+        path = self.folder / "beat" / f"{self._path(index).stem}.npz"
+        return read_beat(path, sensor=self.sensor) if path.parent.is_dir() else None
 
     def _path(self, index: int) -> Path:
         if not 0 <= index < len(self):

@@ -88,6 +88,10 @@ def sensor_of(content: dict[str, Any]) -> Sensor:
         settings = dict(content["recipe"]["sensor"])
         if "doppler_sign" in settings:  # until chirps could alternate
             settings["chirps"] = {-1: "rising", 1: "falling"}[settings.pop("doppler_sign")]
+        settings = {
+            "sweep_ripple_db": (),
+            "blocking_db": ((0.0, 0.0), (360.0, 0.0)),
+        } | settings  # younger fields
         return Sensor(
             **{each.name: _as_tuples(settings.pop(each.name)) for each in fields(Sensor)}, **settings
         )

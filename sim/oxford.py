@@ -158,18 +158,23 @@ class Oxford(Layout):
         write_timestamps(folder / "radar.timestamps", [int(record.stem) for record in records])
 
     def read_poses(self, folder: Path, stems: Sequence[str], sensor: Sensor) -> NDArray[np.float64] | None:
-        """Chain the odometry: poses (N, 4) in a world in which the first scan that has any stands at 0."""
+        """Chain the odometry: poses (N, 4) in a world in which the first scan that has any stands at 0.
+
+        The chain ends where a pair of successive scans has no row: from there on poses are NaN.
+        """
         path = folder / "gt" / "radar_odometry.csv"
         if not path.is_file():
             return None
         rows = {(str(row.destination_radar_us), str(row.source_radar_us)): row for row in read_odometry(path)}
         poses = np.full((len(stems), 4), np.nan)
-        for i, pair in enumerate(pairwise(stems)):
-            if pair in rows:
-                if i == 0:
-                    poses[0] = 0.0
-                poses[i + 1] = _moved(poses[i], rows[pair])
-        return poses
+        pairs = list(pairwise(stems))
+        first = next((i for i, pair in enumerate(pairs) if pair in rows), len(pairs))
+        poses[first : first + 1] = 0.0
+        for i, pair in enumerate(pairs[first:], first):
+            if pair not in rows:
+                break
+            poses[i + 1] = _moved(poses[i], rows[pair])
+        return poses if pairs[first:] else np.full_like(poses, np.nan)
 
 
 def _odometry_row(earlier: ScanRecord, later: ScanRecord) -> OdometryRow:

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
+from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.oxford import (
     ODOMETRY_HEADER,
     OdometryRow,
+    Oxford,
     read_odometry,
     read_png,
     read_timestamps,
@@ -182,3 +184,32 @@ def test_odometry_without_its_header_is_refused_by_name(tmp_path: Path, text: st
     path.write_text(text)
     with pytest.raises(DatasetError, match=r"radar_odometry\.csv: the header"):
         read_odometry(path)
+
+
+def test_poses_chain_from_the_first_pair_that_has_a_row(tmp_path: Path) -> None:
+    stems = [str(START_US + 250_000 * k) for k in range(5)]
+    rows = [
+        OdometryRow(
+            source_us=int(later),
+            destination_us=int(earlier),
+            x=2.0,
+            y=0.0,
+            z=0.0,
+            roll=0.0,
+            pitch=0.0,
+            yaw=0.0,
+            source_radar_us=int(later),
+            destination_radar_us=int(earlier),
+        )
+        for earlier, later in zip(stems[1:3], stems[2:4], strict=True)
+    ]
+    (tmp_path / "gt").mkdir()
+    write_odometry(tmp_path / "gt" / "radar_odometry.csv", rows)
+    poses = Oxford().read_poses(tmp_path, stems, CTS350X)
+    assert poses is not None
+    assert_array_equal(np.isfinite(poses).all(axis=1), [False, True, True, True, False])
+    assert_allclose(poses[1:4, 0], [0, 2, 4])
+    write_odometry(tmp_path / "gt" / "radar_odometry.csv", [])
+    nothing = Oxford().read_poses(tmp_path, stems, CTS350X)
+    assert nothing is not None
+    assert np.isnan(nothing).all()
