@@ -1,6 +1,7 @@
 """Scans, time stamps and odometry in the Oxford layout: byte by byte, there and back, and damage."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -201,7 +202,7 @@ def test_poses_chain_from_the_first_pair_that_has_a_row(tmp_path: Path) -> None:
             source_radar_us=int(later),
             destination_radar_us=int(earlier),
         )
-        for earlier, later in zip(stems[1:3], stems[2:4], strict=True)
+        for earlier, later in pairwise(stems[1:4])
     ]
     (tmp_path / "gt").mkdir()
     write_odometry(tmp_path / "gt" / "radar_odometry.csv", rows)
