@@ -7,7 +7,8 @@ the target is lit from the radar, mirrored from patch to patch, and every point 
 
 with L the unfolded way out and R the way back. Far away this is sigma = 4 pi |sum|^2 / lambda^2 (4 pi A^2 /
 lambda^2 of a plate); of an endless mirror it is the image's power, so no far field has to be assumed. Within
-a cell of the grid the phase is taken as linear (its sinc), so the grid need not follow the wavelength.
+a cell of the grid the phase is taken as linear (its sinc), so the grid need not follow the wavelength; cells
+are short against the first Fresnel zone instead.
 Curved targets are integrated across by stationary phase, Gamma is Fresnel's: test targets are machined.
 """
 
@@ -20,8 +21,14 @@ from numpy.typing import NDArray
 from echoscape.scenes.targets import Target
 from echoscape.sim.fresnel import reflection
 
-GRID = 64
-"""Points along each edge of a patch: strong echoes are good to 0.05 dB (tests/physics/test_targets.py)."""
+LEAST_STEPS = {"plate": 16, "dihedral": 32, "trihedral": 32}
+"""Points along each edge of a patch, at least: corners are then good to 0.05 dB (tests/physics)."""
+MOST_STEPS = 2048
+"""Points along each edge of a patch, at most: targets that would need more are refused."""
+NEAREST_M = 0.1
+"""A target that the antenna is nearer to than this, or inside of, has no echo."""
+_FRESNEL_SHARE = 0.1
+"""Longest edge of a cell over sqrt(lambda R): large plates are then their images to 0.15 dB."""
 MAX_BOUNCES = 3
 _CURVE_STEP_M = 0.005
 _CURVE_MOST = 4096
@@ -49,8 +56,11 @@ def aperture(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: co
     `epsilon` is the complex relative permittivity of its material.
 
     Raises:
-        ValueError: the target is not coherent.
+        ValueError: the target is not coherent, or too large to be summed from so near.
     """
+    if _nearest_m(target, radar) < NEAREST_M:
+        nothing = np.zeros((0, 3))
+        return Aperture(first=nothing, last=nothing, path_m=np.zeros(0), amplitude=np.zeros(0, np.complex128))
     if target.kind == "point":
         return _point(target, radar, wavelength_m=wavelength_m)
     if target.kind == "sphere":
@@ -60,6 +70,18 @@ def aperture(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: co
     if not target.coherent:
         raise ValueError(f"a {target.kind} has no coherent echo")
     return _flat(target, radar, wavelength_m=wavelength_m, epsilon=epsilon)
+
+
+def _nearest_m(target: Target, radar: Vectors) -> float:
+    """Return the distance of a target's nearest part that sends back [m], below 0 from inside of it."""
+    away = radar - np.array(target.position_m)
+    if target.kind == "cylinder":  # whose side is not seen from above
+        return float(np.hypot(away[0], away[1])) - target.size_m[0]
+    if target.kind == "sphere":
+        return float(np.linalg.norm(away)) - target.size_m[0]
+    if target.kind == "point":
+        return float(np.linalg.norm(away))
+    return _patches_of(target).nearest_m(radar)
 
 
 def _turned(path_m: NDArray, wavelength_m: float) -> NDArray[np.complex128]:
@@ -113,7 +135,7 @@ def _cylinder(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: c
     step_m = height / count
     z = (np.arange(count) + 0.5) * step_m - height / 2 + target.position_m[2]
     ahead = radar[:2] + away[:2] * (surface_m / centre_m)
-    place = np.column_stack([np.tile(ahead, (count, 1)), z])
+    place = np.column_stack([np.tile(ahead, (count, 1)), z]).astype(np.float64)
     range_m = np.hypot(surface_m, z - radar[2])
     cosine = surface_m / range_m
     gamma = np.abs(reflection(epsilon, cosine)[1])  # upright: a vertical wave is TM
@@ -153,8 +175,8 @@ class _Tubes:
 
 def _flat(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> Aperture:
     """Return the paths over plane patches that mirror into each other."""
-    shape = _Patches(target.patches, triangular=target.kind == "trihedral")
-    tubes, parts = _lit(shape, radar), []
+    shape = _patches_of(target)
+    tubes, parts = _lit(shape, radar, shape.steps(radar, target, wavelength_m)), []
     for _ in range(MAX_BOUNCES):
         normal = shape.normal[tubes.patch]
         normal = normal * -np.sign(_dot(tubes.direction, normal))[:, None]
@@ -166,6 +188,10 @@ def _flat(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: compl
         tubes = _mirrored(tubes, normal, shape)
     names = ("first", "last", "path_m", "amplitude")
     return Aperture(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def _patches_of(target: Target) -> "_Patches":
+    return _Patches(target.patches, triangular=target.kind == "trihedral")
 
 
 class _Patches:
@@ -180,18 +206,40 @@ class _Patches:
         scale = _dot(area, area)[:, None]
         self._duals = np.cross(self.second, area) / scale, np.cross(area, self.first) / scale
 
-    def grid(self) -> tuple[NDArray[np.int64], Vectors, NDArray[np.float64]]:
+    def nearest_m(self, radar: Vectors) -> float:
+        """Return the distance from `radar` (3,) to the nearest patch, taken as whole parallelograms [m]."""
+        offset = radar - self.corner
+        u, v = (np.clip(_dot(offset, dual), 0, 1)[:, None] for dual in self._duals)
+        return float(np.linalg.norm(offset - u * self.first - v * self.second, axis=1).min())
+
+    def steps(self, radar: Vectors, target: Target, wavelength_m: float) -> tuple[int, int]:
+        """Return how many cells each edge is cut into, so that the phase is about linear in each.
+
+        Raises:
+            ValueError: they would be too many.
+        """
+        cell_m = _FRESNEL_SHARE * math.sqrt(wavelength_m * self.nearest_m(radar))
+        edges_m = [float(np.linalg.norm(edge, axis=1).max()) for edge in (self.first, self.second)]
+        least = LEAST_STEPS[target.kind]
+        first, second = (max(least, math.ceil(edge_m / cell_m)) for edge_m in edges_m)
+        if max(first, second) > MOST_STEPS:
+            raise ValueError(
+                f"size_m of a {target.kind} of {max(edges_m):g} m is too large to be summed from "
+                f"{self.nearest_m(radar):.3g} m away; a wall is an ordinary surface of any size"
+            )
+        return (max(first, second),) * 2 if self.triangular else (first, second)
+
+    def grid(self, steps: tuple[int, int]) -> tuple[NDArray[np.int64], Vectors, NDArray[np.float64]]:
         """Return patch (S,), place (S, 3) [m] and area (S,) [m^2] of the cells of all patches."""
-        steps = np.arange(GRID)
-        i, j = (values.ravel() for values in np.meshgrid(steps, steps, indexing="ij"))
-        inside = i + j < GRID if self.triangular else np.full(len(i), True)
+        i, j = (values.ravel() for values in np.meshgrid(*map(np.arange, steps), indexing="ij"))
+        inside = i + j < steps[0] if self.triangular else np.full(len(i), True)
         i, j = i[inside], j[inside]
         # Cells on a triangle's long edge are halved; their middle is a third from the right angle.
-        half = (i + j == GRID - 1) & self.triangular
+        half = (i + j == steps[0] - 1) & self.triangular
         middle = np.where(half, 1 / 3, 1 / 2)
-        u, v = ((i + middle) / GRID)[None, :, None], ((j + middle) / GRID)[None, :, None]
+        u, v = (((k + middle) / n)[None, :, None] for k, n in zip((i, j), steps, strict=True))
         place = self.corner[:, None] + u * self.first[:, None] + v * self.second[:, None]
-        whole = np.linalg.norm(np.cross(self.first, self.second), axis=1) / GRID**2
+        whole = np.linalg.norm(np.cross(self.first, self.second), axis=1) / (steps[0] * steps[1])
         area = whole[:, None] * np.where(half, 0.5, 1.0)
         return np.repeat(np.arange(len(self.corner)), len(i)), place.reshape(-1, 3), area.ravel()
 
@@ -213,15 +261,15 @@ class _Patches:
         return nearest, best
 
 
-def _lit(shape: _Patches, radar: Vectors) -> _Tubes:
+def _lit(shape: _Patches, radar: Vectors, steps: tuple[int, int]) -> _Tubes:
     """Return the tubes from the radar to every cell that no other patch hides."""
-    patch, place, area = shape.grid()
+    patch, place, area = shape.grid(steps)
     away = place - radar
     length = np.linalg.norm(away, axis=1)
     direction = away / length[:, None]
     solid = area * np.abs(_dot(direction, shape.normal[patch])) / length**2
     lit = (shape.next(place, -direction, patch)[0] < 0) & (solid > 0)
-    ends = [(edge / GRID)[patch] for edge in (shape.first, shape.second)]
+    ends = [(edge / n)[patch] for edge, n in zip((shape.first, shape.second), steps, strict=True)]
     across, along = ((end - direction * _dot(end, direction)[:, None]) / length[:, None] for end in ends)
     return _Tubes(
         first=place,

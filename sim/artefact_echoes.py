@@ -4,25 +4,26 @@ Speckle is the interference of echoes. What of it is switched off adds up by pow
 amplitudes in phase, found step by step, whose range profile is the root of the expected power.
 """
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d
 
 from echoscape.sim.artefacts import Artefacts, Strengths
 from echoscape.sim.decibels import power_ratio
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.link import window
 from echoscape.sim.rain import rain_gain
+from echoscape.sim.range_processing import row_blocks
 from echoscape.sim.sensor import Sensor
-from echoscape.sim.waveform import echo_grid, grid_place, sample_times
+from echoscape.sim.waveform import beat, echo_grid, grid_place, spectrum, sweep_ripple
 
-_ROUNDS = 4
+_ROUNDS = 2
 """Steps of the even grid towards the root of the expected power."""
-_REACH = 24
-"""Bins to each side over which the even grid knows the point spread: down to -30 dB."""
+_MOST_CHANGE = 4.0
+"""Factor by which a step changes an amplitude at most: a profile may have zeros, which no factor fills."""
 
 
 def changed(echoes: Echoes, artefacts: Artefacts, sensor: Sensor) -> Echoes:
@@ -56,43 +57,48 @@ def _power_gain(echoes: Echoes, strengths: Strengths) -> NDArray[np.float64] | N
 def speckled_grid(echoes: Echoes, sensor: Sensor, *, speckle: float) -> NDArray[np.complex64]:
     """Return the grid of echoes (azimuths, fft_size / 2) with a share of their power interfering [sqrt(W)].
 
-    Coherent targets have no speckle: their phases are theirs.
+    Coherent targets have no speckle: their phases are theirs, and they interfere with what is even as two
+    mirrors would.
     """
     if speckle == 1:
         return echo_grid(echoes, sensor)
     rough = ~echoes.returns.coherent[echoes.source]
     even = even_grid(echoes.select(rough), sensor) * np.float32(np.sqrt(1 - speckle))
-    fixed = echo_grid(echoes.select(~rough), sensor)
-    if speckle == 0:
-        return fixed + even
-    return fixed + even + echo_grid(echoes.select(rough), sensor) * np.float32(np.sqrt(speckle))
+    grid = echo_grid(echoes.select(~rough), sensor)
+    grid += even
+    if speckle > 0:
+        grid += echo_grid(echoes.select(rough), sensor) * np.float32(np.sqrt(speckle))
+    return grid
 
 
 def even_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.float32]:
     """Return amplitudes in phase (azimuths, fft_size / 2) [sqrt(W)] whose profile has the expected power.
 
-    The expected power of a bin is the sum of the echoes' mean powers under the point spread, P * psf^2.
-    Starting from the root of P, the grid g is multiplied by sqrt(P * psf^2) / (g * psf) until it fits.
+    The expected power of a bin is the sum of the echoes' mean powers P under the point spread, P * |psf|^2.
+    Starting from the root of P, the grid g is multiplied by sqrt(P * |psf|^2) / |g * psf| until it fits.
     """
     bins = sensor.fft_size // 2
     place = np.clip(np.rint(grid_place(echoes.range_m, sensor)), 0, bins - 1).astype(np.int64)
-    size = sensor.azimuths * bins
-    power = np.bincount(echoes.row * np.int64(bins) + place, echoes.mean_power, size)
-    power = power.reshape(sensor.azimuths, bins)
-    spread = _point_spread(sensor)
-    wanted = np.sqrt(np.maximum(convolve1d(power, spread**2, axis=1, mode="constant"), 0))
-    grid = np.sqrt(power)
-    for _ in range(_ROUNDS):
-        found = convolve1d(grid, spread, axis=1, mode="constant")
-        grid *= np.divide(wanted, found, out=np.zeros_like(wanted), where=found > 0)
-    return grid.astype(np.float32)
+    power = np.bincount(echoes.row * np.int64(bins) + place, echoes.mean_power, sensor.azimuths * bins)
+    power = power.astype(np.float64, copy=False).reshape(sensor.azimuths, bins)
+    grid = np.sqrt(power).astype(np.float32)
+    for rows in row_blocks(sensor.azimuths):
+        wanted = _expected_amplitude(power[rows], sensor)
+        for _ in range(_ROUNDS):
+            found = np.abs(spectrum(beat(grid[rows].astype(np.complex64), sensor), sensor))
+            change = np.divide(wanted, found, out=np.ones_like(wanted), where=found > 0)
+            grid[rows, : sensor.bins] *= np.clip(change, 1 / _MOST_CHANGE, _MOST_CHANGE)
+    return grid
+
+
+def _expected_amplitude(power: NDArray[np.float64], sensor: Sensor) -> NDArray[np.float32]:
+    """Return the root of the expected |FFT|^2 (rows, bins) of independent powers on the grid [W]."""
+    expected = np.fft.irfft(np.fft.rfft(power, sensor.fft_size) * _spread_spectrum(sensor))
+    return np.sqrt(np.maximum(expected[:, : sensor.bins], 0)).astype(np.float32)
 
 
 @lru_cache(maxsize=8)
-def _point_spread(sensor: Sensor) -> NDArray[np.float64]:
-    """Return the amplitude of the range point spread at whole bins from its peak (2 REACH + 1,)."""
-    offsets = np.arange(-_REACH, _REACH + 1)
-    weight = window(sensor)
-    return (
-        np.cos(2 * np.pi * offsets[:, None] * sample_times(sensor) / sensor.fft_size) @ weight / weight.sum()
-    )
+def _spread_spectrum(sensor: Sensor) -> NDArray[np.complex128]:
+    """Return the transform (fft_size / 2 + 1,) of what an echo of 1 W makes of |FFT|^2 around its bin."""
+    spread = np.fft.fft(window(sensor) * sweep_ripple(sensor), sensor.fft_size) / math.sqrt(2)
+    return np.fft.rfft(np.abs(spread) ** 2)

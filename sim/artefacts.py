@@ -5,6 +5,9 @@ Switching one off changes only what it causes: the town, the echoes and the rand
 
 import math
 from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
 
 from echoscape.sim.rain import MOST_MM_H
 from echoscape.sim.sensor import Sensor
@@ -12,7 +15,11 @@ from echoscape.sim.sensor import Sensor
 
 @dataclass(frozen=True, kw_only=True)
 class Artefacts:
-    """How strong each effect is; None is the sensor's own, a bool switches between that and nothing."""
+    """How strong each effect is; None is the sensor's own, a bool switches between the default and nothing.
+
+    Echoes are traced down to a floor below the noise before they are changed: strengths above 1 raise those
+    that were found, and find no fainter ones.
+    """
 
     speckle: float = 1.0
     """Share of the echoes' power that interferes; the rest adds up evenly [W/W, 0 to 1]."""
@@ -21,17 +28,19 @@ class Artefacts:
     sidelobes: float = 1.0
     """Power of what the beam hears outside its main lobe over what it is [W/W]."""
     saturation: float = 1.0
-    """Amplitude at the converter over that for which it is set; it clips so much earlier [V/V]."""
+    """Amplitude at the converter over that for which it is set: it clips so much earlier, and its
+    steps are so much finer [V/V]."""
     phase_noise: float | None = None
     """Phase of the synthesiser, standard deviation [rad]."""
     thermal_noise: float | None = None
-    """Noise temperature of the receiver [K]."""
+    """Noise temperature of receiver and antenna together, T0 F [K]."""
     leakage: float = 1.0
     """Power of transmit-receive leakage and echoes of the radome over the sensor's [W/W]."""
     quantisation: float | None = None
-    """Step of the analogue-to-digital converter over its full scale [V/V, up to 0.5]."""
+    """Step of the analogue-to-digital converter over the amplitude at which it clips [V/V, up to 0.5]."""
     motion_distortion: float = 1.0
-    """Share of a turn's time over which its rows spread; 0: all from the pose at mid-scan [s/s, 0 to 1]."""
+    """Share of a turn's time over which its rows spread; 0: all from the pose at mid-scan [s/s, 0 to 1].
+    Time stamps and poses of the truth stay those of the drive."""
     doppler: float | None = None
     """Shift in range by radial speed [m per m/s]."""
     movers: float = 1.0
@@ -44,9 +53,9 @@ class Artefacts:
     def __post_init__(self) -> None:
         """Take bools for switches; refuse what is no strength, naming the artefact."""
         for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, bool):
-                value = field.default if value else 0.0
+            value: Any = getattr(self, field.name)
+            if isinstance(value, (bool, np.bool_)):
+                value = _switched(field.name, field.default, on=bool(value))
                 object.__setattr__(self, field.name, value)
             if value is None:
                 continue
@@ -70,6 +79,13 @@ class Artefacts:
     def without(self, *names: str) -> "Artefacts":
         """Return the same with some switched off."""
         return replace(self, **dict.fromkeys(names, 0.0))
+
+
+def _switched(name: str, default: Any, *, on: bool) -> float | None:
+    """Return the strength that a switch stands for, or raise ValueError where on says nothing."""
+    if on and default == 0:
+        raise ValueError(f"{name} must be a number, as it is off by default, got True")
+    return default if on else 0.0
 
 
 _MOST = {

@@ -50,11 +50,10 @@ def _elevation_density(antenna: Antenna) -> NDArray[np.float64]:
     solid = np.cos(antenna.elevation_grid_rad)
     two_way, one_way = antenna.elevation_one_way**2 * solid, antenna.elevation_one_way * solid
     step = antenna.elevation_grid_rad[1] - antenna.elevation_grid_rad[0]
-    shares = (
-        (1 - WIDE_SHARE - GROUND_SHARE, two_way),
-        (WIDE_SHARE, one_way),
-        (GROUND_SHARE, _evenly_over_ground(antenna)),
-    )
+    ground = _evenly_over_ground(antenna)
+    if not ground.any():  # a beam that looks up, or an antenna that stands in the road, meets none
+        ground = two_way
+    shares = ((1 - WIDE_SHARE - GROUND_SHARE, two_way), (WIDE_SHARE, one_way), (GROUND_SHARE, ground))
     return np.sum([share * weight / weight.sum() for share, weight in shares], axis=0) / step
 
 

@@ -22,7 +22,7 @@ _SWITCHES = {
     Component.RAIN: ("rain",),
     Component.INTERFERENCE: ("interference",),
 }
-"""What of the receiver makes a component that is no echo."""
+"""What makes a component that is no echo of a thing; rain that is silent still takes from the others."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from scipy.fft import rfftfreq
 
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.transforms import fft, ifft, irfft, rfft
-from echoscape.sim.waveform import analytic_beat
+from echoscape.sim.waveform import analytic_beat, sweep_ripple
 
 
 def phase_noise(sensor: Sensor, *, rows: int, count: int, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -88,4 +88,5 @@ def with_phase(
     first = count // 2 - sensor.samples // 2
     inside = slice(first, first + sensor.samples)
     tone, turn = full[:, inside], carrier[:, inside]
-    return np.asarray(tone.real * turn.real - tone.imag * turn.imag, np.float32)
+    mixed = np.asarray(tone.real * turn.real - tone.imag * turn.imag, np.float32)
+    return mixed * sweep_ripple(sensor).astype(np.float32)

@@ -103,4 +103,4 @@ class PolarScan:
         It differs from 2 pi i / azimuths by a constant, the encoder's first count: 13 is the end of the 14
         counts that a row takes, 7 their middle. Where a real scan lacks rows it jumps.
         """
-        return self.encoder * (2 * np.pi / self.encoder_per_turn)
+        return self.encoder.astype(np.float64) * (2 * np.pi / self.encoder_per_turn)

@@ -6,6 +6,7 @@ Palmer (J. Meteorology 5, 1948) by Mie's series (Bohren & Huffman, 1983, ch. 4) 
 """
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -19,11 +20,12 @@ from echoscape.sim.link import link_w_m2
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.waveform import BIN_CENTRE
 
+_Fit = tuple[tuple[tuple[float, float, float], ...], tuple[float, float]]
 MOST_MM_H = 150.0
 """Rain rate beyond which neither source has measurements [mm/h]."""
 
 # ITU-R P.838-3, Tables 1-4: (a_j, b_j, c_j) and (m, c) of log10 k and of alpha, for vertical polarisation.
-_LOG_K = (
+_LOG_K: _Fit = (
     (
         (-3.80595, 0.56934, 0.81061),
         (-3.44965, -0.22911, 0.51059),
@@ -32,7 +34,7 @@ _LOG_K = (
     ),
     (-0.16398, 0.63297),
 )
-_ALPHA = (
+_ALPHA: _Fit = (
     (
         (-0.07771, 2.33840, -0.76284),
         (0.56727, 0.95545, 0.54039),
@@ -52,7 +54,7 @@ def specific_attenuation_db_km(rate_mm_h: float, frequency_hz: float) -> float:
     """Return the attenuation of vertically polarised waves [dB/km], ITU-R P.838-3 eq. (1)."""
     log_f = math.log10(frequency_hz / 1e9)
 
-    def fitted(table: tuple) -> float:
+    def fitted(table: _Fit) -> float:
         terms, (slope, constant) = table
         return sum(a * math.exp(-(((log_f - b) / c) ** 2)) for a, b, c in terms) + slope * log_f + constant
 
@@ -94,14 +96,14 @@ def mie_cross_sections(diameter_m: float, frequency_hz: float) -> tuple[float, f
     return float(back), float(wavelength_m**2 / (2 * math.pi) * np.sum((2 * n + 1) * (a + b).real))
 
 
-def _riccati(n: NDArray, x: complex, bessel) -> tuple[NDArray, NDArray]:
+def _riccati(n: NDArray, x: complex, bessel: Callable[..., NDArray]) -> tuple[NDArray, NDArray]:
     """Return x z_n(x) and its derivative for a spherical Bessel function z."""
     return x * bessel(n, x), bessel(n, x) + x * bessel(n, x, derivative=True)
 
 
 @lru_cache(maxsize=8)
 def drops(rate_mm_h: float, frequency_hz: float) -> tuple[float, float]:
-    """Return the reflectivity [m^2/m^3] and the extinction [dB/km] of rain, summed over its drops."""
+    """Return the reflectivity [m^2/m^3] and the extinction [dB/km] of rain above 0 mm/h, drop by drop."""
     diameter_mm = (np.arange(700) + 0.5) * 0.01
     density = 8000 * np.exp(-4.1 * rate_mm_h**-0.21 * diameter_mm) * 0.01  # drops of a cubic metre
     sections = np.array([mie_cross_sections(each * 1e-3, frequency_hz) for each in diameter_mm])
@@ -115,33 +117,28 @@ def rain_gain(range_m: NDArray, rate_mm_h: float, sensor: Sensor) -> NDArray[np.
     return np.sqrt(power_ratio(-lost_db))
 
 
-def rain_grid(sensor: Sensor, antenna: Antenna, *, rate_mm_h: float, rng: np.random.Generator) -> NDArray:
-    """Draw the echoes of rain on the grid of range bins (azimuths, fft_size / 2) complex64 [sqrt(W)].
+def rain_power_w(
+    sensor: Sensor, antenna: Antenna, *, rate_mm_h: float, clear: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return the mean power of rain in each bin of the grid (azimuths, fft_size / 2) [W].
 
-    A shell of thickness dr sends back link / (4 pi) eta dr / r^2 times the pattern's solid angle above the
-    ground; drops fall past each other within a millisecond, so that every row and bin is drawn anew.
+    A shell of thickness dr sends back link / (4 pi) eta dr / r^2 times the pattern's solid angle. `clear`, of
+    the same shape, is the share of the beam that gets so far: neither through the road nor through houses.
+    What stands on the vehicle takes its share as well.
     """
-    bins = sensor.fft_size // 2
-    shape = (sensor.azimuths, bins)
-    draws = rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
-    return draws * (rain_amplitude(sensor, antenna, rate_mm_h) / math.sqrt(2)).astype(np.float32)
-
-
-def rain_amplitude(sensor: Sensor, antenna: Antenna, rate_mm_h: float) -> NDArray[np.float64]:
-    """Return the rms amplitude (fft_size / 2,) of rain in each bin of the grid [sqrt(W)]."""
     range_m = (np.arange(sensor.fft_size // 2) + BIN_CENTRE) * sensor.bin_m
     reflectivity, _ = drops(rate_mm_h, sensor.carrier_hz)
-    solid = _solid_angle_above_ground(sensor, antenna, range_m)
-    power = link_w_m2(sensor) / (4 * math.pi) * reflectivity * sensor.bin_m * solid / range_m**2
+    shell = link_w_m2(sensor) / (4 * math.pi) * reflectivity * sensor.bin_m * antenna.two_way_energy_sr
     heard = (range_m > _NEAREST_M) & (range_m < sensor.range_m)
-    return np.sqrt(power * heard) * rain_gain(range_m, rate_mm_h, sensor)
+    power = shell / range_m**2 * heard * rain_gain(range_m, rate_mm_h, sensor) ** 2
+    return clear * np.outer(power_ratio(-sensor.row_loss_db), power).astype(np.float32)
 
 
-def _solid_angle_above_ground(sensor: Sensor, antenna: Antenna, range_m: NDArray) -> NDArray[np.float64]:
-    """Return the integral of the two-way pattern over directions that reach a range above the ground [sr]."""
-    elevation = antenna.elevation_grid_rad
-    weight = antenna.elevation_one_way**2 * np.cos(elevation)
-    cumulative = np.append(0.0, np.cumsum((weight[1:] + weight[:-1]) / 2 * np.diff(elevation)))
-    lowest = -np.arcsin(np.clip(sensor.mount_height_m / range_m, 0, 1)) - math.radians(sensor.mount_tilt_deg)
-    azimuth = np.trapezoid(antenna.azimuth_two_way, antenna.azimuth_grid_rad)
-    return azimuth * (cumulative[-1] - np.interp(lowest, elevation, cumulative))
+def rain_grid(power_w: NDArray[np.float32], *, rng: np.random.Generator) -> NDArray[np.complex64]:
+    """Draw the echoes of rain of a mean power [W] (azimuths, bins) complex64 [sqrt(W)].
+
+    Drops fall past each other within a millisecond, so that every row and bin is drawn anew.
+    """
+    draws = rng.standard_normal((*power_w.shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
+    draws *= np.sqrt(power_w / 2)
+    return draws

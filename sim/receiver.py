@@ -31,8 +31,9 @@ class Received:
 
     power (A, bins) float32: what the quantiser takes; echo, noise, distortion (A, bins / PART_STEP) float32:
     the parts that echoes, thermal noise, and everything non-linear (clipping, converter steps, phase noise)
-    have alone, in every PART_STEP-th bin; saturated (A,) bool: a sample of the row was clipped; beat: what
-    the power was made from, where it was asked for.
+    have alone, in every PART_STEP-th bin (no bins where they were not asked for); saturated (A,) bool: a
+    sample of the row was clipped; others, like the parts: what other radars send, None where they are silent;
+    beat: what the power was made from, where it was asked for.
     """
 
     power: NDArray[np.float32]
@@ -40,7 +41,7 @@ class Received:
     noise: NDArray[np.float32]
     distortion: NDArray[np.float32]
     saturated: NDArray[np.bool_]
-    others: NDArray[np.float32] | None
+    others: NDArray[np.float32] | None = None
     beat: BeatSignal | None = None
 
 
@@ -92,37 +93,44 @@ def receive(
     phase_rng: np.random.Generator,
     others: NDArray[np.float32] | None = None,
     keep_beat: bool = False,
+    parts: bool = True,
 ) -> Received:
     """Return the written power of a scan's grid of echoes (azimuths, fft_size / 2), and what made it.
 
     The linear parts (echo, noise) and the whole are transformed alike; what the whole has beyond them is
     distortion; `others` (azimuths, samples) [sqrt(W)], what other radars send, is part of it. With
-    `keep_beat` the signal that the power was made from comes along.
+    `keep_beat` the signal that the power was made from comes along; without `parts` the power alone is made.
     """
     strengths = artefacts.strengths(sensor)
     noise = thermal_noise(sensor, rng=noise_rng, kelvin=strengths.thermal_noise)
     leak = leakage_grid(sensor) * np.float32(math.sqrt(strengths.leakage))
-    steps = [1] + 3 * [PART_STEP]
-    parts = [np.empty((sensor.azimuths, -(-sensor.bins // step)), np.float32) for step in steps]
+    power = np.empty((sensor.azimuths, sensor.bins), np.float32)
+    part_bins = -(-sensor.bins // PART_STEP) if parts else 0
+    alone = np.empty((3, sensor.azimuths, part_bins), np.float32)
     saturated = np.zeros(sensor.azimuths, np.bool_)
     beats = []
     for rows in row_blocks(sensor.azimuths):
         noise_rows = None if noise is None else noise[rows]
         others_rows = None if others is None else others[rows]
-        signal, block, saturated[rows] = _block(
-            grid[rows] + leak, noise_rows, others_rows, sensor, artefacts, phase_rng
+        echoes = (grid[rows] + leak).astype(np.complex64, copy=False)
+        signal, saturated[rows] = _converted(
+            echoes, noise_rows, others_rows, sensor, artefacts, phase_rng=phase_rng
         )
-        for whole, values, step in zip(parts, block, steps, strict=True):
-            written_power(values, sensor, step=step, out=whole[rows])
+        whole = spectrum(signal.amplitude(), sensor)
+        written_power(whole, sensor, out=power[rows])
+        if parts:
+            found = _parts(whole, echoes, noise_rows, sensor, linear=strengths.linear)
+            for values, into in zip(found, alone, strict=True):
+                written_power(values, sensor, step=PART_STEP, out=into[rows])
         if keep_beat:
             beats.append(signal)
     return Received(
-        power=parts[0],
-        echo=parts[1],
-        noise=parts[2],
-        distortion=parts[3],
+        power=power,
+        echo=alone[0],
+        noise=alone[1],
+        distortion=alone[2],
         saturated=saturated,
-        others=_others_power(others, sensor),
+        others=_others_power(others, sensor) if parts else None,
         beat=joined(beats) if keep_beat else None,
     )
 
@@ -137,26 +145,34 @@ def _others_power(others: NDArray[np.float32] | None, sensor: Sensor) -> NDArray
     return power
 
 
-def _block(
+def _converted(
     grid: NDArray[np.complex64],
     noise: NDArray[np.float32] | None,
     others: NDArray[np.float32] | None,
     sensor: Sensor,
     artefacts: Artefacts,
+    *,
     phase_rng: np.random.Generator,
-) -> tuple[BeatSignal, list[NDArray[np.complex64]], NDArray[np.bool_]]:
-    """Return some rows' signal, spectra (whole; echoes, noise, distortion in steps), and what is clipped."""
-    silence = np.zeros((len(grid), -(-sensor.bins // PART_STEP)), np.complex64)
-    clean = beat(grid, sensor)
-    strengths = artefacts.strengths(sensor)
-    level = strengths.phase_noise / sensor.phase_noise_rad
-    signal = noisy_beat(grid, sensor, rng=phase_rng, level=level) if level else clean
+) -> tuple[BeatSignal, NDArray[np.bool_]]:
+    """Return some rows' signal behind the converter, and which of them it clips."""
+    level = artefacts.strengths(sensor).phase_noise / sensor.phase_noise_rad
+    signal = noisy_beat(grid, sensor, rng=phase_rng, level=level) if level else beat(grid, sensor)
     for more in (noise, others):
         if more is not None:
             signal = signal + more
-    converted, saturated = convert(signal, sensor, artefacts)
-    whole = spectrum(converted.amplitude(), sensor)
-    clean_spectrum = spectrum(clean, sensor, step=PART_STEP)
-    noise_spectrum = silence if noise is None else spectrum(noise, sensor, step=PART_STEP)
-    distortion = silence if strengths.linear else whole[:, ::PART_STEP] - clean_spectrum - noise_spectrum
-    return converted, [whole, clean_spectrum, noise_spectrum, distortion], saturated
+    return convert(signal, sensor, artefacts)
+
+
+def _parts(
+    whole: NDArray[np.complex64],
+    grid: NDArray[np.complex64],
+    noise: NDArray[np.float32] | None,
+    sensor: Sensor,
+    *,
+    linear: bool,
+) -> list[NDArray[np.complex64]]:
+    """Return the spectra, in steps, of some rows' echoes, noise and distortion alone."""
+    silence = np.zeros((len(grid), -(-sensor.bins // PART_STEP)), np.complex64)
+    echo = spectrum(beat(grid, sensor), sensor, step=PART_STEP)
+    thermal = silence if noise is None else spectrum(noise, sensor, step=PART_STEP)
+    return [echo, thermal, silence if linear else whole[:, ::PART_STEP] - echo - thermal]

@@ -5,7 +5,7 @@ scan = simulator.scan(0)
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -18,13 +18,13 @@ from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.filters import EchoFilter, selection
-from echoscape.sim.interference import other_radars
+from echoscape.sim.interference import HEARD_M, other_radars
 from echoscape.sim.intersection import World
-from echoscape.sim.motion import MoverStates, Turn, mover_states, row_poses, turns
+from echoscape.sim.motion import MoverStates, RowPoses, Turn, mover_states, row_poses, turns
 from echoscape.sim.polar_scan import EPOCH_US, PolarScan, ScanTruth
 from echoscape.sim.quantiser import codes
-from echoscape.sim.rain import rain_grid
-from echoscape.sim.receiver import receive
+from echoscape.sim.rain import rain_grid, rain_power_w
+from echoscape.sim.receiver import Received, receive
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.surface_settings import SurfaceSettings
 from echoscape.sim.town_scene import TownScene
@@ -32,7 +32,25 @@ from echoscape.sim.trace import Tracer
 from echoscape.sim.trace_settings import TraceSettings
 from echoscape.sim.truth import Labeller, mover_boxes
 
-_STAGES = {"turns": 301, "noise": 302, "phase_noise": 303, "interference": 305, "rain": 306, "movers": 307}
+_STAGES = {"turns": 301, "noise": 302, "phase_noise": 303, "rain": 306, "movers": 307}
+"""Numbers of the stages that draw; 304 and 305 are those of `sim.interference`."""
+_PATHS = ("motion_distortion", "movers")
+"""Artefacts that change where rays go."""
+_ECHOES = ("ghosts", "sidelobes", "doppler", "rain")
+"""Artefacts that change traced echoes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Arriving:
+    """What reaches the receiver in a scan.
+
+    grid (A, fft_size / 2) complex64 [sqrt(W)], of `echoes` and of rain, whose mean power is rain_w, of the
+    same shape [W], None without any.
+    """
+
+    echoes: Echoes
+    grid: NDArray[np.complex64]
+    rain_w: NDArray[np.float32] | None = None
 
 
 class HasTrajectory(Protocol):
@@ -103,27 +121,36 @@ class Simulator:
 
     def _traced(self, index: int, artefacts: Artefacts) -> Echoes:
         """Return the echoes of scan `index` as physics has them, of the paths that `artefacts` lets be."""
-        turn = self.turn(index)
-        rolling = artefacts.motion_distortion
-        poses = row_poses(self._track, turn, height_m=self.sensor.mount_height_m, distortion=rolling)
-        return self._tracer.trace(poses, self._states(turn, artefacts), ghosts=artefacts.ghosts > 0)
+        states = self._states(self.turn(index), artefacts)
+        return self._tracer.trace(self._poses(index, artefacts), states, ghosts=artefacts.ghosts > 0)
 
-    def scans(self, index: int, settings: Sequence[Artefacts]) -> list[PolarScan]:
+    def _poses(self, index: int, artefacts: Artefacts) -> RowPoses:
+        """Return the antenna's motion through scan `index`."""
+        return row_poses(
+            self._track,
+            self.turn(index),
+            height_m=self.sensor.mount_height_m,
+            distortion=artefacts.motion_distortion,
+        )
+
+    def scans(self, index: int, settings: Sequence[Artefacts], *, truth: bool = True) -> list[PolarScan]:
         """Make scan `index` under each of several artefact settings, tracing it once.
 
         Only settings that differ in motion distortion or movers, which change where rays go, are traced
-        anew.
+        anew; those that differ in the receiver alone share its input. Each scan has the bytes that a
+        simulator of its own would give it. Without `truth` they come without, in less time.
         """
-        traced: dict[tuple[float, float], Echoes] = {}
-        scans = []
-        for artefacts in settings:
-            paths = (artefacts.motion_distortion, artefacts.movers)
-            if paths not in traced:
-                every = [each.ghosts for each in settings if (each.motion_distortion, each.movers) == paths]
-                traced[paths] = self._traced(index, replace(artefacts, ghosts=max(every)))
-            echoes = changed(traced[paths], artefacts, self.sensor)
-            scans.append(self._received(index, echoes, artefacts, keep_beat=False))
-        return scans
+        found: dict[Artefacts, PolarScan] = {}
+        for alike in _alike(settings, _PATHS):
+            ghosts = max(each.ghosts for each in alike)
+            traced = self._traced(index, replace(alike[0], ghosts=ghosts))
+            for same in _alike(alike, _ECHOES):
+                echoes = changed(traced, same[0], self.sensor)
+                for those in _alike(same, ("speckle",)):
+                    arriving = self._arriving(index, echoes, those[0])
+                    for each in those:
+                        found[each] = self._received(index, arriving, each, truth=truth)
+        return [found[each] for each in settings]
 
     def scan(
         self,
@@ -141,35 +168,41 @@ class Simulator:
         """
         chosen = selection(only, without)
         left = chosen.echoes(self.echoes(index) if echoes is None else echoes, self.instance_class)
-        return self._received(index, left, chosen.artefacts(self.artefacts), keep_beat=keep_beat)
+        artefacts = chosen.artefacts(self.artefacts)
+        return self._received(index, self._arriving(index, left, artefacts), artefacts, keep_beat=keep_beat)
 
-    def _received(self, index: int, echoes: Echoes, artefacts: Artefacts, *, keep_beat: bool) -> PolarScan:
-        """Return what the receiver makes of echoes."""
+    def _arriving(self, index: int, echoes: Echoes, artefacts: Artefacts) -> _Arriving:
+        """Return what reaches the receiver of echoes and rain."""
+        grid = speckled_grid(echoes, self.sensor, speckle=artefacts.speckle)
+        if not artefacts.rain:
+            return _Arriving(echoes=echoes, grid=grid)
+        states = self._states(self.turn(index), artefacts)
+        edges_m = np.arange(self.sensor.fft_size // 2, dtype=np.float64) * self.sensor.bin_m
+        clear = self._tracer.clear_share(self._poses(index, artefacts), states, edges_m)
+        rain_w = rain_power_w(self.sensor, self._tracer.antenna, rate_mm_h=artefacts.rain, clear=clear)
+        grid += rain_grid(rain_w, rng=self._rng(index, "rain"))
+        return _Arriving(echoes=echoes, grid=grid, rain_w=rain_w)
+
+    def _received(
+        self,
+        index: int,
+        arriving: _Arriving,
+        artefacts: Artefacts,
+        *,
+        keep_beat: bool = False,
+        truth: bool = True,
+    ) -> PolarScan:
+        """Return what the receiver makes of what arrives."""
         turn, sensor = self.turn(index), self.sensor
-        grid = speckled_grid(echoes, sensor, speckle=artefacts.speckle)
-        if artefacts.rain:
-            grid += rain_grid(
-                sensor, self._tracer.antenna, rate_mm_h=artefacts.rain, rng=self._rng(index, "rain")
-            )
-        states = self._states(turn, artefacts)
         received = receive(
-            grid,
+            arriving.grid,
             sensor,
             artefacts,
             noise_rng=self._rng(index, "noise"),
             phase_rng=self._rng(index, "phase_noise"),
-            others=self._others(index, states, artefacts),
+            others=self._others(index, artefacts),
             keep_beat=keep_beat,
-        )
-        middle = turn.middle_s
-        truth = ScanTruth(
-            cells=self._labeller.label(echoes, received, artefacts),
-            pose=self._track.pose(turn.times_s),
-            middle_pose=self._track.pose(np.float64(middle)),
-            middle_us=EPOCH_US + round(middle * 1e6),
-            saturated=received.saturated,
-            first_m=echoes.first_m,
-            boxes=mover_boxes(states),
+            parts=truth,
         )
         return PolarScan(
             codes=codes(received.power),
@@ -177,18 +210,31 @@ class Simulator:
             encoder=_encoder(sensor),
             valid=np.ones(sensor.azimuths, np.bool_),
             bin_m=sensor.bin_m,
-            truth=truth,
+            truth=self._truth(turn, arriving, received, artefacts) if truth else None,
             rising=sensor.rising if sensor.chirps == "alternating" else None,
             encoder_per_turn=sensor.encoder_per_turn,
             beat=received.beat,
         )
 
-    def _others(self, index: int, states: MoverStates, artefacts: Artefacts) -> NDArray[np.float32] | None:
+    def _truth(self, turn: Turn, arriving: _Arriving, received: Received, artefacts: Artefacts) -> ScanTruth:
+        """Return what is known of a scan because it was made."""
+        middle = turn.middle_s
+        return ScanTruth(
+            cells=self._labeller.label(arriving.echoes, received, artefacts, rain_w=arriving.rain_w),
+            pose=self._track.pose(turn.times_s),
+            middle_pose=self._track.pose(np.float64(middle)),
+            middle_us=EPOCH_US + round(middle * 1e6),
+            saturated=received.saturated,
+            first_m=arriving.echoes.first_m,
+            boxes=mover_boxes(self._states(turn, artefacts)),
+        )
+
+    def _others(self, index: int, artefacts: Artefacts) -> NDArray[np.float32] | None:
         """Return what other cars' radars add to the beat signals, None where they are silent."""
         if not artefacts.interference:
             return None
-        turn, rolling = self.turn(index), artefacts.motion_distortion
-        poses = row_poses(self._track, turn, height_m=self.sensor.mount_height_m, distortion=rolling)
+        turn, poses = self.turn(index), self._poses(index, artefacts)
+        states = self._states(turn, artefacts, reach_m=HEARD_M)
         return other_radars(
             World(self._scene, states, self.sensor.azimuths),
             states,
@@ -197,17 +243,19 @@ class Simulator:
             self._tracer.antenna,
             times_s=turn.times_s,
             eirp_w=artefacts.interference,
+            rain_mm_h=artefacts.rain,
             seed=self._seed,
-            rng=self._rng(index, "interference"),
+            scan=index,
         )
 
-    def _states(self, turn: Turn, artefacts: Artefacts) -> MoverStates:
+    def _states(self, turn: Turn, artefacts: Artefacts, *, reach_m: float | None = None) -> MoverStates:
+        """Return the movers that are there within `reach_m`, or within the sensor's range."""
         near = self._track.pose(np.float64(turn.middle_s))
         return mover_states(
             [mover for mover in self._movers if self._is_there(mover, artefacts.movers)],
             turn,
             near=near,
-            reach_m=self.sensor.range_m + 10.0,
+            reach_m=self.sensor.range_m + 10.0 if reach_m is None else reach_m,
             distortion=artefacts.motion_distortion,
         )
 
@@ -217,6 +265,14 @@ class Simulator:
             return share == 1.0
         draw = np.random.SeedSequence([self._seed, mover.instance, _STAGES["movers"]]).generate_state(1)[0]
         return bool(draw < share * 2**32)
+
+
+def _alike(settings: Sequence[Artefacts], names: Sequence[str]) -> list[list[Artefacts]]:
+    """Return the settings in groups that have the named artefacts in common."""
+    groups: dict[tuple, list[Artefacts]] = {}
+    for each in settings:
+        groups.setdefault(tuple(getattr(each, name) for name in names), []).append(each)
+    return list(groups.values())
 
 
 def _encoder(sensor: Sensor) -> NDArray[np.uint16]:

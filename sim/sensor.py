@@ -109,6 +109,8 @@ class Sensor:
                 f"antenna_gain_db must be at most {directivity:.2f}, which azimuth_pattern_db and "
                 f"elevation_pattern_db integrate to, got {self.antenna_gain_db}: more power than is fed in"
             )
+        if min(loss_db for _, loss_db in self.blocking_db) < 0:
+            raise ValueError(f"blocking_db must be losses of 0 or more, got {self.blocking_db}")
         if self.rotation_jitter_s < 0:
             raise ValueError(f"rotation_jitter_s must be 0 or more, got {self.rotation_jitter_s}")
         if self.encoder_per_turn < self.azimuths:

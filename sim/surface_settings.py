@@ -3,6 +3,9 @@
 import math
 from dataclasses import dataclass, fields
 
+MOST_FACTOR = 10.0
+"""The largest factor that makes a surface."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceSettings:
@@ -19,5 +22,5 @@ class SurfaceSettings:
         """Refuse factors that make no surface, naming the factor."""
         for field in fields(self):
             value = getattr(self, field.name)
-            if not (math.isfinite(value) and 0 < value <= 10):
-                raise ValueError(f"{field.name} must be above 0 and at most 10, got {value}")
+            if not (math.isfinite(value) and 0 < value <= MOST_FACTOR):
+                raise ValueError(f"{field.name} must be above 0 and at most {MOST_FACTOR:g}, got {value}")

@@ -134,6 +134,22 @@ class Tracer:
         targets = self._targets.hear(world, poses)
         return _gathered([*parts, targets] if targets else parts, first_m)
 
+    def clear_share(
+        self, poses: RowPoses, states: MoverStates, edges_m: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
+        """Return the share of each row's two-way beam that reaches ranges (azimuths, len(edges_m)).
+
+        edges_m: increasing [m]. Each ray stands for its gain over the density with which it was drawn.
+        """
+        azimuths = self._sensor.azimuths
+        hits = self._meet(World(self._scene, states, azimuths), self._first_rays(poses))
+        distance_m = np.where(hits.active.numpy(), hits.distance.numpy(), np.inf)
+        weight = np.square(self._gain.numpy().astype(np.float64)) / self._density.numpy()
+        weight /= np.repeat(weight.reshape(azimuths, -1).sum(axis=1), self._settings.rays)
+        cell = self._row.numpy() * np.int64(len(edges_m) + 1) + np.searchsorted(edges_m, distance_m)
+        ended = np.bincount(cell, weight, azimuths * (len(edges_m) + 1)).reshape(azimuths, -1)
+        return np.clip(1 - np.cumsum(ended, axis=1)[:, :-1], 0, 1).astype(np.float32)
+
     def _first_rays(self, poses: RowPoses) -> Rays:
         """Point the set of directions along each row's heading from each row's place."""
         row = self._row

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.world import CLASSES
-from echoscape.sim.antenna import Antenna
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.backend import dr, mi
 from echoscape.sim.echoes import Echoes
@@ -20,7 +19,6 @@ from echoscape.sim.link import range_gain, units_per_watt, window, written_units
 from echoscape.sim.motion import MoverStates
 from echoscape.sim.polar_scan import CellTruth, Component, MoverBoxes
 from echoscape.sim.quantiser import LEAST_POWER
-from echoscape.sim.rain import rain_amplitude
 from echoscape.sim.receiver import PART_STEP, Received, leakage_grid
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.waveform import BIN_CENTRE, beat, grid_place, spectrum
@@ -70,8 +68,18 @@ class Labeller:
         leak = np.abs(spectrum(beat(leakage_grid(sensor), sensor), sensor, step=PART_STEP)) ** 2
         self._leakage = (leak * (written_units(sensor) * range_gain(sensor, ranges))).astype(np.float32)
 
-    def label(self, echoes: Echoes, received: Received, artefacts: Artefacts) -> CellTruth:
-        """Return the truth of every cell of a scan; pairs of bins share what echoes they hold."""
+    def label(
+        self,
+        echoes: Echoes,
+        received: Received,
+        artefacts: Artefacts,
+        *,
+        rain_w: NDArray[np.float32] | None = None,
+    ) -> CellTruth:
+        """Return the truth of every cell of a scan; pairs of bins share what echoes they hold.
+
+        rain_w (azimuths, fft_size / 2): mean power of rain in each bin of the grid [W], None without any.
+        """
         component = self._largest(received)
         cells = np.flatnonzero(component == Component.DIRECT)
         echo = received.echo.ravel()[cells]
@@ -79,8 +87,9 @@ class Labeller:
         power, kind, source = self._strongest(echoes, cells)
         explained = power * self._unit_gain[step] >= EXPLAINED * echo
         kind = np.where(explained, kind, np.uint8(Component.SIDELOBE))
-        if artefacts.rain:
-            rains = self._rain(artefacts.rain)[step] > power * self._unit_gain[step]
+        if rain_w is not None:
+            rain = self._rain(rain_w).ravel()[cells]
+            rains = (rain > power * self._unit_gain[step]) & (rain >= EXPLAINED * echo)
             kind = np.where(rains, np.uint8(Component.RAIN), kind)
             explained &= ~rains
         if artefacts.leakage:
@@ -92,11 +101,10 @@ class Labeller:
         # What the quantiser cannot tell from nothing is noise, whatever it came from.
         return _by_bin(named, heard=received.power >= LEAST_POWER)
 
-    def _rain(self, rate_mm_h: float) -> NDArray[np.float32]:
-        """Return the mean power of rain in every step of range (S,)."""
-        spread = np.sum(_spread_shape(self._sensor)) * 2 - 1  # both sides of the point spread, in steps
-        power = rain_amplitude(self._sensor, Antenna(self._sensor), rate_mm_h)[: self._sensor.bins] ** 2
-        return (power[::PART_STEP] * (spread * PART_STEP) * self._unit_gain).astype(np.float32)
+    def _rain(self, rain_w: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the mean written power of rain in every step of every row (A, S)."""
+        bins = (np.sum(self._shape) * 2 - 1) * PART_STEP  # over which the point spread reaches, by power
+        return (rain_w[:, : self._sensor.bins : PART_STEP] * (bins * self._unit_gain)).astype(np.float32)
 
     def _largest(self, received: Received) -> NDArray[np.uint8]:
         """Return NOISE, DIRECT (any echo), SPOKE or INTERFERENCE by the largest of a cell's parts."""

@@ -12,7 +12,7 @@ import numpy as np
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.recipe import Recipe
 from echoscape.sim.sensor import Sensor, Table
-from echoscape.sim.surface_settings import SurfaceSettings
+from echoscape.sim.surface_settings import MOST_FACTOR, SurfaceSettings
 
 STAGE = 310
 """Number of the stage that draws variations."""
@@ -75,6 +75,7 @@ def _sensor(sensor: Sensor, rng: np.random.Generator) -> Sensor:
         sensor,
         azimuth_pattern_db=_stretched(sensor.azimuth_pattern_db, azimuth, 180.0),
         elevation_pattern_db=_stretched(sensor.elevation_pattern_db, elevation, 90.0),
+        # The last 0.3 dB go into far sidelobes, whose ends are not stretched.
         antenna_gain_db=sensor.antenna_gain_db - 10 * float(np.log10(azimuth * elevation)) - 0.3,
     )
     gain = _within(rng, RANGE_GAIN)
@@ -107,12 +108,13 @@ def _artefacts(artefacts: Artefacts, rng: np.random.Generator) -> Artefacts:
 
 
 def _surfaces(surfaces: SurfaceSettings, rng: np.random.Generator) -> SurfaceSettings:
+    """Draw roughness about that given."""
     low, high = np.log(ROUGHNESS)
     height, slope = np.exp(rng.uniform(low, high, 2)).tolist()
     return SurfaceSettings(
-        rms_height=surfaces.rms_height * height,
-        rms_slope=surfaces.rms_slope * slope,
-        scattering=surfaces.scattering * _within(rng, SCATTERING),
+        rms_height=min(surfaces.rms_height * height, MOST_FACTOR),
+        rms_slope=min(surfaces.rms_slope * slope, MOST_FACTOR),
+        scattering=min(surfaces.scattering * _within(rng, SCATTERING), MOST_FACTOR),
     )
 
 
@@ -133,8 +135,8 @@ def _blocked(before: Table, rng: np.random.Generator) -> Table:
     middle, width, loss = rng.uniform(60, 300), _within(rng, BLOCKED_WIDTH_DEG), _within(rng, BLOCKED_LOSS_DB)
     if not there:
         return before
-    knots = np.array(
-        [0.0, middle - 0.6 * width, middle - 0.4 * width, middle + 0.4 * width, middle + 0.6 * width, 360.0]
-    )
-    more = np.array([0, 0, loss, loss, 0, 0]) + np.interp(knots, *np.array(before).T)
+    edges = middle + width * np.array([-0.6, -0.4, 0.4, 0.6])
+    azimuth_deg, loss_db = np.array(before).T
+    knots = np.union1d(np.clip(azimuth_deg, 0, 360), [0.0, *edges, 360.0])
+    more = np.interp(knots, edges, [0.0, loss, loss, 0.0]) + np.interp(knots, azimuth_deg, loss_db)
     return tuple(zip(knots.tolist(), more.tolist(), strict=True))

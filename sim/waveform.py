@@ -59,20 +59,20 @@ def echo_grid(echoes: Echoes, sensor: Sensor, *, rows: int | None = None) -> NDA
 
 @lru_cache(maxsize=8)
 def _weights_spectrum(sensor: Sensor, count: int) -> NDArray[np.float32]:
-    """Return sqrt(2) over the spectrum of the grid's linear weights (sinc^2), times the sweep's ripple."""
+    """Return sqrt(2) over the spectrum (count,) of the grid's linear weights, sinc^2."""
     times = np.arange(count) - count // 2
-    weights = math.sqrt(2) / np.sinc(times / sensor.fft_size) ** 2
-    return (weights * sweep_ripple(sensor, count)).astype(np.float32)
+    return (math.sqrt(2) / np.sinc(times / sensor.fft_size) ** 2).astype(np.float32)
 
 
-def sweep_ripple(sensor: Sensor, count: int) -> NDArray[np.float64]:
-    """Return the amplitude (count,) over a sweep, about 1; `count` may reach beyond the sweep on both sides.
+@lru_cache(maxsize=8)
+def sweep_ripple(sensor: Sensor) -> NDArray[np.float64]:
+    """Return the amplitude (samples,) over a sweep, about 1.
 
     A ripple of p periods in a sweep and amplitude 2 m makes sidelobes of m, p resolution cells to each side
     (paired echoes; Klauder et al., Bell System Technical Journal 39(4), 1960).
     """
-    turns = (np.arange(count) - count // 2) / sensor.samples
-    amplitude = np.ones(count)
+    turns = sample_times(sensor) / sensor.samples
+    amplitude = np.ones(sensor.samples)
     for number, (periods, level_db) in enumerate(sensor.sweep_ripple_db):
         # Golden-ratio phases: no two ripples peak together.
         amplitude += 2 * 10 ** (level_db / 20) * np.cos(2 * np.pi * (periods * turns + 0.618 * (number + 1)))
@@ -87,13 +87,14 @@ def beat(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.float32]:
     signal += grid[:, :1].real / np.float32(size)
     middle = np.concatenate([signal[:, -half:], signal[:, :half]], axis=1)
     middle *= _weights_spectrum(sensor, sensor.samples) * np.float32(size / 2)
+    middle *= sweep_ripple(sensor).astype(np.float32)
     return middle
 
 
 def analytic_beat(grid: NDArray[np.complex64], sensor: Sensor, *, count: int) -> NDArray[np.complex64]:
-    """Return the beat signal's analytic form, whose real part it is: (rows, count) complex64 [sqrt(W)].
+    """Return the analytic form of tones, whose real part they are: (rows, count) complex64 [sqrt(W)].
 
-    `count` is even and may reach beyond the sweep on both sides.
+    `count` is even and may reach beyond the sweep on both sides; the sweep's ripple is left to the caller.
     """
     half = count // 2
     signal = ifft(grid, sensor.fft_size)
@@ -108,7 +109,7 @@ def beat_reference(echoes: Echoes, sensor: Sensor) -> NDArray[np.float64]:
     places = grid_place(echoes.range_m, sensor)
     for row, place, amplitude in zip(echoes.row, places, echoes.amplitude, strict=True):
         signal[row] += math.sqrt(2) * (complex(amplitude) * np.exp(2j * np.pi * place * cycles)).real
-    return signal * sweep_ripple(sensor, sensor.samples)
+    return signal * sweep_ripple(sensor)
 
 
 def spectrum(signal: NDArray[np.float32], sensor: Sensor, *, step: int = 1) -> NDArray[np.complex64]:

@@ -21,6 +21,7 @@ Section = Literal[
     "Receiver",
     "Multipath",
     "Motion",
+    "Weather and interference",
 ]
 SECTIONS: tuple[Section, ...] = (
     "Link and cross-sections",
@@ -32,6 +33,7 @@ SECTIONS: tuple[Section, ...] = (
     "Receiver",
     "Multipath",
     "Motion",
+    "Weather and interference",
 )
 INTRO = """\
 # Physics

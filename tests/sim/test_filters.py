@@ -119,13 +119,13 @@ def test_conditions_are_met_together_and_their_values_apart(traced: Echoes, whol
 
 def test_only_and_without_part_the_echoes(traced: Echoes, whole: Simulator) -> None:
     ghosts = EchoFilter(components=(Component.GHOST,))
-    silent = {"components": ("noise",)}
+    silent = EchoFilter(components=("noise",))
     van = EchoFilter(classes=("van",), last_only=True)
     kept = whole.scan(0, echoes=traced, only=van, without=ghosts)
     assert kept.truth is not None
     assert set(np.unique(kept.truth.cells.class_id)) <= {0, CLASSES.index("van")}
     assert not (kept.truth.cells.component == Component.GHOST).any()
-    nothing = whole.scan(0, echoes=traced, only=EchoFilter(classes=("bus",)), without=EchoFilter(**silent))
+    nothing = whole.scan(0, echoes=traced, only=EchoFilter(classes=("bus",)), without=silent)
     assert nothing.truth is not None
     assert not np.isin(nothing.truth.cells.component, [Component.DIRECT, Component.GHOST]).any()
 
