@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo picture test test-slow lint bench clean
+.PHONY: demo picture fidelity test test-slow lint bench clean
 
 $(READY): pyproject.toml constraints.txt hatch_build.py
 	$(PYTHON) -m venv $(VENV)
@@ -20,6 +20,24 @@ demo: $(READY)
 picture: demo
 	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.preview import small_copy; \
 		small_copy(Path('demo/preview.png'), Path('docs/preview.png'))"
+	rm -rf build/junction
+	$(BIN)/echoscape simulate build/junction --seed 102 --scans 40 --workers 2 --no-preview
+	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.scan_picture import write_scan_picture; \
+		write_scan_picture(Path('build/junction'), Path('docs/scan.png'), scan=26)"
+
+# Tables and pictures of docs/fidelity.md: seed 7 is the one that was calibrated on, 101 and 102 are others.
+ARTEFACTS := $(BIN)/echoscape artefacts --seed 7 --scans 240
+fidelity: $(READY)
+	rm -rf build/fidelity
+	for seed in 7 101 102; do \
+		$(BIN)/echoscape simulate build/fidelity/town_$$seed --seed $$seed --scans 40 --workers 2 --no-preview && \
+		$(BIN)/echoscape fidelity build/fidelity/town_$$seed || exit 1; done
+	$(ARTEFACTS) docs/artefacts --scan 208
+	$(ARTEFACTS) build/fidelity/turn --scan 116 --only motion_distortion
+	mv build/fidelity/turn/motion_distortion.png docs/artefacts
+	mv docs/artefacts/artefacts.md build/fidelity
+	$(BIN)/python -m benchmarks.fidelity_tables docs/fidelity.md \
+		build/fidelity/town_7/fidelity build/fidelity/town_101/fidelity build/fidelity/town_102/fidelity build/fidelity
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -10,6 +10,7 @@ COMMANDS = {
     "scene": "build a world without any radar: its plan, its numbers, a model for viewers",
     "view": "write a page to step through a data set in a browser, small enough to mail",
     "fidelity": "judge a folder of scans by the statistics of real ones: table, JSON, plots",
+    "artefacts": "show which effect does what to one scan: a picture each, without it and with it",
     "train": "learn keypoint odometry from folders of scans that tell poses",
     "odometry": "estimate the motion between the scans of a folder, and judge it where truth is known",
     "drift": "judge one trajectory by another as the KITTI benchmark does",

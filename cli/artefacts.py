@@ -1,0 +1,84 @@
+"""`echoscape artefacts OUT`: which effect does what to one scan: a picture and a row of a table for each."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from echoscape.cli.parsing import parsed
+from echoscape.cli.stages import Stages
+from echoscape.cli.worlds import RecipeFlags, recipe_of
+from echoscape.scenes.tables import SceneError
+from echoscape.sim.whole_files import DatasetError
+
+if TYPE_CHECKING:
+    from echoscape.eval.effect_changes import Change
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Draw one scan without and with each effect, and tell how many cells each changes."""
+
+    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
+    """Folder to write: a picture an effect, and artefacts.md. Files of these names are replaced."""
+    recipe: Annotated[RecipeFlags, tyro.conf.arg(name="")] = field(default_factory=RecipeFlags)
+    """The dataset that the scan is from: what `echoscape simulate` makes with the same words."""
+    scan: int | None = None
+    """Number of the scan, from 0; by default the middle one."""
+    only: tuple[str, ...] = ()
+    """Effects to show, by their names under --artefacts; by default all."""
+    scene: Path | None = None
+    """TOML file of a scene of one's own, in the place of a preset; its keys: docs/scenes.md."""
+    targets: Path | None = None
+    """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the subcommand and return its exit code."""
+    try:
+        options = parsed(Options, prog="echoscape artefacts", arguments=arguments)
+        rows, paths = _written(options)
+    except (DatasetError, SceneError, ValueError) as error:
+        return _refused(str(error))
+    except OSError as error:
+        return _refused(f"OUT: {error.strerror or error}")
+    console = Console()
+    console.print(_table(rows))
+    for path in paths:
+        console.print(str(path), soft_wrap=True, highlight=False)
+    return 0
+
+
+def _written(options: Options) -> tuple[list["Change"], tuple[Path, ...]]:
+    """Refuse what cannot be drawn before the ray tracer is loaded, then draw."""
+    recipe = recipe_of(options.recipe, scene=options.scene, targets=options.targets)
+    index = recipe.scans // 2 if options.scan is None else options.scan
+    from echoscape.eval.artefact_pictures import write_artefacts
+    from echoscape.eval.effect_changes import check_index
+    from echoscape.eval.effects import chosen
+
+    check_index(recipe, index)
+    chosen(options.only)
+    with Stages(Console(stderr=True)) as stages:
+        return write_artefacts(options.out, recipe, index, names=options.only, progress=stages.report)
+
+
+def _table(rows: Sequence["Change"]) -> Table:
+    from echoscape.eval.effect_changes import HEADS, words
+
+    table = Table(*HEADS, box=None, padding=(0, 2, 0, 0))
+    for column in table.columns[2:]:
+        column.justify = "right"
+    for row in rows:
+        table.add_row(*words(row))
+    return table
+
+
+def _refused(message: str) -> int:
+    print(f"echoscape artefacts: {message}", file=sys.stderr)
+    return 2

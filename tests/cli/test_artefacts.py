@@ -1,0 +1,48 @@
+"""`echoscape artefacts`: pictures and a table, or one line on what is wrong and nothing left behind."""
+
+from pathlib import Path
+
+import pytest
+
+from echoscape.cli.__main__ import main
+
+EMPTY = "--preset empty --seed 5 --scans 2"
+
+
+def test_pictures_are_written_and_changes_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    words = f"{out} {EMPTY} --artefacts.leakage 0.25 --only leakage quantisation".split()
+    assert main(["artefacts", *words]) == 0
+    told = capsys.readouterr().out
+    assert {path.name for path in out.iterdir()} == {"leakage.png", "quantisation.png", "artefacts.md"}
+    assert "0.25 W/W" in told
+    assert all(str(path) in told for path in out.iterdir())
+    assert "| leakage | 0.25 W/W |" in (out / "artefacts.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("--scan 2", "scan must be between 0 and 1, got 2"),
+        ("--scan -1", "scan must be between 0 and 1, got -1"),
+        ("--only snow", "only must name some of speckle"),
+        ("--artefacts.rain 1000", "rain must be between 0 and 150"),
+        ("--fast", "--fast"),
+    ],
+)
+def test_bad_input_is_told_in_a_line_and_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: str, told: str
+) -> None:
+    assert main(["artefacts", str(tmp_path / "a"), *EMPTY.split(), *words.split()]) == 2
+    line = capsys.readouterr().err
+    assert line.startswith("echoscape artefacts: ")
+    assert told in line
+    assert len(line.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_the_folders_place_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a").write_text("dear")
+    assert main(["artefacts", str(tmp_path / "a"), *EMPTY.split()]) == 2
+    assert "out must be a folder" in capsys.readouterr().err
+    assert (tmp_path / "a").read_text() == "dear"

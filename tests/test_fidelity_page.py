@@ -1,0 +1,61 @@
+"""docs/fidelity.md keeps its word: what it links to is there, and its tables are those of the code."""
+
+import re
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from benchmarks.fidelity_tables import filled
+from echoscape.eval.effects import EFFECTS
+from echoscape.eval.fidelity import span_text, tolerance_text
+from echoscape.eval.fidelity_targets import TARGETS
+from echoscape.sim import variation
+
+DOCS = Path(__file__).parent.parent / "docs"
+PAGE = (DOCS / "fidelity.md").read_text()
+
+
+def test_linked_files_are_there() -> None:
+    links = re.findall(r"\]\((?!http)([^)#]+)\)", PAGE)
+    assert [link for link in links if not (DOCS / link).exists()] == []
+    assert {Path(link).stem for link in links} >= {effect.name for effect in EFFECTS}
+
+
+def test_pictures_are_small() -> None:
+    sizes = {path.name: path.stat().st_size for path in (DOCS / "artefacts").iterdir()}
+    assert set(sizes) == {f"{effect.name}.png" for effect in EFFECTS}
+    assert sum(sizes.values()) < 2_500_000
+    scan = DOCS / "scan.png"
+    assert scan.stat().st_size < 400_000
+    with Image.open(scan) as image:
+        assert image.width == 900
+
+
+def test_the_table_has_the_targets_and_tolerances_of_the_code() -> None:
+    rows = dict(
+        re.findall(r"^\| (\w[^|]*?) \| [-\d.]+ \| (.* \| .*) \| (?:right|low|high) \|$", PAGE, re.MULTILINE)
+    )
+    targets = TARGETS["cts350x"]
+    assert len(rows) == len(targets)
+    for name, target in targets.items():
+        assert rows[name.replace("_", " ")] == f"{span_text(target)} | {tolerance_text(target)}"
+
+
+def test_the_ranges_of_the_variations_are_those_of_the_code() -> None:
+    listed = {
+        name: (float(low), float(high))
+        for name, low, high in re.findall(r"^\| `([A-Z_]+)` \| ([-\d.]+) to ([-\d.]+) \|", PAGE, re.MULTILINE)
+    }
+    drawn = {
+        name: value for name, value in vars(variation).items() if name.isupper() and isinstance(value, tuple)
+    }
+    assert listed == drawn
+    assert f"in {100 * variation.BLOCKED_CHANCE:g} % of the datasets" in PAGE
+
+
+def test_tables_are_put_into_their_places_only() -> None:
+    page = "a\n<!-- x -->\nold\n<!-- end of x -->\nb\n<!-- y -->\n<!-- end of y -->\n"
+    assert filled(page, "x", "| 1\\2 |\n") == page.replace("old", "| 1\\2 |")
+    with pytest.raises(ValueError, match="one place z, got 0"):
+        filled(page, "z", "")
