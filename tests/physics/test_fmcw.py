@@ -189,3 +189,31 @@ def test_doppler(law: LawRecorder) -> None:
         unit="m",
         why="cosine of the angle to a plate of 0.5 m",
     )
+
+
+def test_paired_echoes(law: LawRecorder) -> None:
+    """A ripple of p periods in a sweep makes sidelobes p cells to each side."""
+    ripple = ((8.0, -30.0), (20.0, -40.0))
+    profile = power(80.0, replace(FINE, sweep_ripple_db=ripple))
+    peak = peak_place(profile)
+    for cells, level_db in ripple:
+        place = peak + cells * CELL_M / FINE.bin_m
+        near = profile[round(place) - 20 : round(place) + 21]
+        law(
+            f"Sidelobe of a ripple of {cells:g} periods in a sweep",
+            source="paired echoes, Klauder et al., Bell System Technical Journal 39(4), 1960",
+            expected=level_db,
+            simulated=float(10 * np.log10(near.max() / profile.max())),
+            tolerance=0.2,
+            unit="dB",
+            why="the window's own sidelobes there are 45 dB and more below it",
+        )
+        law(
+            f"Its place, {cells:g} cells from the target",
+            source="paired echoes, Klauder et al., Bell System Technical Journal 39(4), 1960",
+            expected=cells * CELL_M,
+            simulated=(peak_place(near) + round(place) - 20 - peak) * FINE.bin_m,
+            tolerance=0.01,
+            unit="m",
+            why="a bin of 0.0108 m",
+        )
