@@ -17,6 +17,9 @@ from echoscape.scenes.world import Town
 GROUND_CLEARANCE_M = 0.3
 """What is lower is driven over: kerbs, ramps, the ground itself."""
 
+HEADROOM_M = 0.2
+"""Nothing comes nearer to the antenna from above."""
+
 _STEP_M = 0.1
 _TURN_RAD = 0.05
 _STEP_S = 0.02
@@ -40,10 +43,13 @@ def first_contact(
     prototypes are not looked at: streets are laid clear of them.
     """
     times, poses = _places(track, until_s)
-    heights = (float(poses[0, 2]) + GROUND_CLEARANCE_M, float(poses[0, 2]) + height_m)
+    heights = (float(poses[0, 2]) + GROUND_CLEARANCE_M, float(poses[0, 2]) + height_m + HEADROOM_M)
     reach = np.hypot(*EGO_EXTENT_M[:2]) / 2
     window = np.array([poses[:, :2].min(axis=0) - reach, poses[:, :2].max(axis=0) + reach])
     corners, instances = _standing(town, since)
+    around = _enclosing(corners, instances, poses[0, :3] + [0.0, 0.0, sum(heights) / 2 - float(poses[0, 2])])
+    if around is not None:
+        return Contact(instance=around, time_s=0.0, place_m=(float(poses[0, 0]), float(poses[0, 1])))
     near = _overlapping(corners, window, heights)
     if not near.any():
         return None
@@ -91,6 +97,30 @@ def _standing(town: Town, since: int) -> tuple[NDArray[np.float64], NDArray[np.u
             corners.append(np.tile(np.array(placed.target.position_m), (1, 3, 1)))
             instances.append(np.array([placed.instance], np.uint32))
     return np.concatenate(corners), np.concatenate(instances)
+
+
+def _enclosing(
+    corners: NDArray[np.float64], instances: NDArray[np.uint32], place: NDArray[np.float64]
+) -> int | None:
+    """Return the instance of a closed body that `place` (3,) [m] is inside of, None if there is none.
+
+    Three rays each leave such a body through an odd number of its triangles (Moller & Trumbore, Journal of
+    Graphics Tools 2(1), 1997, for each).
+    """
+    inside = np.full(int(instances.max(initial=0)) + 1, True)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    offset = place - corners[:, 0]
+    across = np.cross(offset, first)
+    for way in np.array([[0.013, 0.017, 1.0], [1.0, 0.011, 0.019], [0.023, -1.0, 0.007]]):
+        normal = np.cross(way, second)
+        scale = np.einsum("tk,tk->t", first, normal)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u, v = np.einsum("tk,tk->t", offset, normal) / scale, across @ way / scale
+            distance = np.einsum("tk,tk->t", second, across) / scale
+        met = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0)
+        inside &= np.bincount(instances[met], minlength=len(inside)) % 2 == 1
+    found = np.flatnonzero(inside)
+    return int(found[0]) if len(found) else None
 
 
 def _overlapping(

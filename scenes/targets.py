@@ -20,6 +20,11 @@ _FACETS = 96
 """Sides of the prism or the sphere that a ray meets; echoes come from the exact shape."""
 
 
+_LEAST_SIZE_M, _MOST_SIZE_M = 1e-3, 200.0
+_FARTHEST_M = 1e5
+_RCS_M2 = (1e-6, 1e8)
+
+
 @dataclass(frozen=True)
 class _Kind:
     """What a kind of target needs: names of its sizes, its class, and whether its echo is a phase sum."""
@@ -79,10 +84,15 @@ class Target:
         if not all(math.isfinite(number) for number in numbers):
             raise ValueError(f"position_m, heading_rad, elevation_rad, size_m, rcs_m2 must be finite: {self}")
         for name, size in zip(sizes, self.size_m, strict=True):
-            if size <= 0:
-                raise ValueError(f"{name} of a {self.kind} must be above 0, got {size}")
-        if self.rcs_m2 <= 0:
-            raise ValueError(f"rcs_m2 must be above 0, got {self.rcs_m2}")
+            if not _LEAST_SIZE_M <= size <= _MOST_SIZE_M:
+                limits = f"between {_LEAST_SIZE_M:g} and {_MOST_SIZE_M:g} m"
+                raise ValueError(f"{name} of a {self.kind} must be {limits}, got {size:g}")
+        if max(map(abs, self.position_m)) > _FARTHEST_M:
+            raise ValueError(f"position_m must be within {_FARTHEST_M:g} m of 0, got {self.position_m}")
+        if abs(self.elevation_rad) > math.pi / 2:
+            raise ValueError(f"elevation_rad must be within a right angle, got {self.elevation_rad:g}")
+        if not _RCS_M2[0] <= self.rcs_m2 <= _RCS_M2[1]:
+            raise ValueError(f"rcs_m2 must be between {_RCS_M2[0]:g} and {_RCS_M2[1]:g}, got {self.rcs_m2:g}")
         if self.elevation_rad and not KINDS[self.kind].flat:
             raise ValueError(f"elevation_rad must be 0 for a {self.kind}, got {self.elevation_rad}")
 
@@ -131,7 +141,7 @@ class PlacedTarget:
 
 def with_targets(town: Town, targets: Sequence[Target]) -> Town:
     """Return the town with targets in it, each an instance of its own after those that are there."""
-    static = dict(town.static)
+    meshes: dict[str, list[StaticMesh]] = {material: [mesh] for material, mesh in town.static.items()}
     classes, placed = list(town.instance_class), list(town.targets)
     for target in targets:
         instance = len(classes)
@@ -139,23 +149,27 @@ def with_targets(town: Town, targets: Sequence[Target]) -> Town:
         placed.append(PlacedTarget(target=target, instance=instance))
         mesh = _mesh(target)
         if mesh is not None:
-            static[target.material] = _joined(static.get(target.material), mesh, instance)
+            ids = np.full(len(mesh.faces), instance, np.uint32)
+            own = StaticMesh(vertices=mesh.vertices, faces=mesh.faces, instance=ids)
+            meshes.setdefault(target.material, []).append(own)
     return replace(
         town,
-        static=dict(sorted(static.items())),
+        static={material: _joined(meshes[material]) for material in sorted(meshes)},
         instance_class=np.array(classes, np.uint8),
         targets=tuple(placed),
     )
 
 
-def _joined(before: StaticMesh | None, mesh: Mesh, instance: int) -> StaticMesh:
-    ids = np.full(len(mesh.faces), instance, np.uint32)
-    if before is None:
-        return StaticMesh(vertices=mesh.vertices, faces=mesh.faces, instance=ids)
+def _joined(meshes: list[StaticMesh]) -> StaticMesh:
+    """Return several meshes of one material as one."""
+    if len(meshes) == 1:
+        return meshes[0]
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
+    faces = [mesh.faces + np.uint32(start) for mesh, start in zip(meshes, starts, strict=True)]
     return StaticMesh(
-        vertices=np.concatenate([before.vertices, mesh.vertices]),
-        faces=np.concatenate([before.faces, mesh.faces + np.uint32(len(before.vertices))]),
-        instance=np.concatenate([before.instance, ids]),
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        faces=np.concatenate(faces),
+        instance=np.concatenate([mesh.instance for mesh in meshes]),
     )
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from echoscape.scenes.targets import Target
 from echoscape.sim.fresnel import reflection
 
-LEAST_STEPS = {"plate": 16, "dihedral": 32, "trihedral": 32}
+LEAST_STEPS = {"plate": 16, "dihedral": 32, "trihedral": 64}
 """Points along each edge of a patch, at least: corners are then good to 0.05 dB (tests/physics)."""
 MOST_STEPS = 2048
 """Points along each edge of a patch, at most: targets that would need more are refused."""

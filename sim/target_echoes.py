@@ -140,6 +140,8 @@ class TargetEchoes:
         """Return the paths over a target from `radar` (3,) [m] that nothing hides."""
         epsilon = permittivity(MATERIALS[target.material], self._sensor.carrier_hz)
         paths = aperture(target, radar, wavelength_m=self._sensor.wavelength_m, epsilon=epsilon)
+        if len(paths.path_m) == 0:
+            return paths
         hidden = _hidden(paths.first, radar, row, world) | _hidden(paths.last, radar, row, world)
         return Aperture(
             first=paths.first[~hidden],

@@ -137,7 +137,7 @@ def test_long_pole_falls_with_third_power_of_range(law: LawRecorder) -> None:
     )
 
 
-@pytest.mark.parametrize(("size_m", "range_m"), [(2.0, 20.0), (2.0, 40.0), (4.0, 20.0), (12.0, 40.0)])
+@pytest.mark.parametrize(("size_m", "range_m"), [(2.0, 20.0), (2.0, 40.0), (4.0, 20.0), (8.0, 40.0)])
 def test_large_plate_is_an_image(size_m: float, range_m: float, law: LawRecorder) -> None:
     sizes = np.linspace(0.85, 1.15, 7) * size_m
     powers = [received_w(ahead("plate", range_m, float(size), float(size))) for size in sizes]
@@ -154,7 +154,7 @@ def test_large_plate_is_an_image(size_m: float, range_m: float, law: LawRecorder
     )
 
 
-@pytest.mark.parametrize(("size_m", "range_m"), [(1.0, 3.0), (4.0, 5.0), (12.0, 10.0)])
+@pytest.mark.parametrize(("size_m", "range_m"), [(1.0, 3.0), (4.0, 5.0), (6.0, 10.0)])
 def test_sum_over_a_near_plate_is_the_integral(size_m: float, range_m: float, law: LawRecorder) -> None:
     # The square's integral is that of one edge squared but for cos and 1/R^2, near 1 where phases count:
     # take it whole, on a grid of a tenth of a wavelength of path from cell to cell.
