@@ -213,7 +213,7 @@ def test_paired_echoes(law: LawRecorder) -> None:
             source="paired echoes, Klauder et al., Bell System Technical Journal 39(4), 1960",
             expected=cells * CELL_M,
             simulated=(peak_place(near) + round(place) - 20 - peak) * FINE.bin_m,
-            tolerance=0.01,
+            tolerance=0.02,
             unit="m",
-            why="a bin of 0.0108 m",
+            why="two bins of 0.0108 m: the window's sidelobes lean on it",
         )
