@@ -156,6 +156,11 @@ def test_house_hides_the_rain_behind_it() -> None:
     assert clear[0, 295] > 0.99
     assert clear[0, 305] < 0.02
     assert clear[200, 305] > 0.99
+    truth = scanned(40.0, house).truth
+    assert truth is not None
+    rain = truth.cells.component[:, 730:1100] == Component.RAIN  # 31.5 to 47.5 m
+    assert rain[0].mean() < 0.05
+    assert rain[200].mean() > 0.7
 
 
 def scanned(rain: float, *things: Thing) -> PolarScan:
