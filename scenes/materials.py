@@ -70,7 +70,7 @@ MATERIALS: dict[str, Material] = {
             source=_P3,
             rms_height_m=0.0003,
             scattering=0.5,
-            rms_slope_rad=0.012,
+            rms_slope_rad=0.02,
             roughness_source=(
                 "cast and rendered facades: rms 0.2-0.5 mm; waviness of a few mm over a metre; calibrated"
             ),
@@ -85,7 +85,7 @@ MATERIALS: dict[str, Material] = {
             source=_P3,
             rms_height_m=0.0008,
             scattering=0.6,
-            rms_slope_rad=0.015,
+            rms_slope_rad=0.024,
             roughness_source=(
                 "mortar joints 2-10 mm deep, faces 0.5-1 mm; "
                 "row used beyond its band (extrapolated to 76.5 GHz)"
@@ -101,7 +101,7 @@ MATERIALS: dict[str, Material] = {
             source=_P3,
             rms_height_m=0.0002,
             scattering=0.3,
-            rms_slope_rad=0.01,
+            rms_slope_rad=0.018,
             roughness_source="smooth board; calibrated",
         ),
         Material(
@@ -140,7 +140,7 @@ MATERIALS: dict[str, Material] = {
             source=_P3,
             rms_height_m=5e-05,
             scattering=0.15,
-            rms_slope_rad=0.02,
+            rms_slope_rad=0.03,
             roughness_source="painted sheet: smooth, pressed in shallow curves; calibrated",
         ),
         Material(

@@ -22,7 +22,7 @@ CIR304 = replace(
     rotation_jitter_s=0.0001,  # assumed as in the CIR204
     encoder_per_turn=5600,  # [N]
     encoder_first=7,  # [M]
-    bandwidth_hz=435e6,  # as many bins to a resolution cell as in [M] and in the CIR204
+    bandwidth_hz=461e6,  # as many bins to a resolution cell as in [M] and in the CIR204
     doppler_beta_s=0.049,  # [N] loaders
     chirps="rising",  # [N] one direction; which is assumed
     fft_size=8192,
@@ -46,7 +46,7 @@ CIR304_RT = replace(
     name="cir304_rt",
     bins=6848,  # [M]
     bin_m=0.0438,  # [R]
-    bandwidth_hz=590e6,  # [M] range widths at -3/-6/-10/-20 dB of 8.7/11.8/14.7/20.5 bins: a Hann window
+    bandwidth_hz=625e6,  # [M] range widths at -3/-6/-10/-20 dB of 8.7/11.8/14.7/20.5 bins
     chirps="alternating",  # [R]; [M] begins with column 10 at 0, which the loaders of [R] take as falling
     fft_size=16384,
 )

@@ -18,21 +18,21 @@ CTS350X = Sensor(
     encoder_per_turn=5600,  # [M]
     encoder_first=13,  # [M]
     carrier_hz=76.5e9,  # [O] 76-77 GHz
-    bandwidth_hz=600e6,  # [M] -3 dB range width 0.36 m is a Hann window over 600 MHz
+    bandwidth_hz=636e6,  # [cal] to the noise's correlation over range in [M]; echoes: sweep_ripple_db
     doppler_beta_s=0.049,  # [B]
     chirps="rising",  # [cal] assumed
     fft_size=8192,  # the least power of two that gives 3768 bins from real samples
     window="hann",  # [M] shape of the range point spread
-    sweep_ripple_db=(  # [cal] to [M] skirt of the range point spread, -24, -30, -34 dB at 12, 24, 40 bins
-        (2.6, -23.8),
-        (3.4, -36.4),
-        (4.3, -28.8),
-        (6.6, -32.1),
-        (8.2, -33.7),
-        (10.0, -36.0),
+    sweep_ripple_db=(  # [cal] to [M]: echoes are wider than the noise's correlation, with a smooth skirt
+        (1.0, -24.5),
+        (2.2, -25.0),
+        (4.0, -32.6),
+        (5.2, -36.6),
+        (6.8, -34.3),
+        (9.0, -35.9),
     ),
     adc_bits=12,  # [cal] no published figure; its quantisation noise stays below the thermal noise
-    full_scale_db=65.5,  # [cal] to [M] largest code 136 (68 dB)
+    full_scale_db=72.0,  # [cal] spokes of [M] are even, without the harmonics of clipped walls
     tx_power_w=0.02,  # [cal] 13 dBm, usual for a single-chip 77 GHz transmitter
     antenna_gain_db=34.79,  # directivity of the patterns below
     system_loss_db=15.58,  # [cal] brings the level of a street's echoes to [M]; losses of the dish included
@@ -40,10 +40,10 @@ CTS350X = Sensor(
     noise_units=1.57,  # [M] mean power of quiet rows at far range, and the shares of codes there
     range_gain_db=(  # [cal] to the lower envelope of [M] relative to the noise beyond 100 m
         (0.0, -3.0),
-        (4.0, -2.5),
-        (7.5, -1.5),
-        (15.0, 0.0),
-        (30.0, 1.2),
+        (4.0, -3.5),
+        (7.5, -3.0),
+        (15.0, -0.8),
+        (30.0, 0.9),
         (50.0, 1.2),
         (70.0, 1.0),
         (90.0, 0.5),
@@ -80,7 +80,7 @@ CTS350X = Sensor(
         (40.0, -35.0),
         (90.0, -45.0),
     ),
-    phase_noise_dbc_hz=-85.0,  # [cal] usual for 77 GHz synthesisers inside the loop bandwidth
+    phase_noise_dbc_hz=-84.0,  # [cal] usual for 77 GHz synthesisers inside the loop bandwidth
     phase_noise_corner_hz=300e3,  # [cal]
     leakage_dbm=(  # [cal] to [M]: mean code 30 below 0.3 m, 47 at 0.7 m, 43 at 1.1 m, 29 at 1.4 m, 16 at 2 m
         (0.1, -110.8),

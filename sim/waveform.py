@@ -66,17 +66,18 @@ def _weights_spectrum(sensor: Sensor, count: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=8)
 def sweep_ripple(sensor: Sensor) -> NDArray[np.float64]:
-    """Return the amplitude (samples,) over a sweep, about 1.
+    """Return the amplitude (samples,) over a sweep: about 1, with ripples that all peak in its middle.
 
-    A ripple of p periods in a sweep and amplitude 2 m makes sidelobes of m, p resolution cells to each side
+    Its mean under the window is 1, so that an echo peaks as high as without. A ripple of p
+    periods in a sweep and amplitude 2 m makes sidelobes of m, p resolution cells to each side
     (paired echoes; Klauder et al., Bell System Technical Journal 39(4), 1960).
     """
     turns = sample_times(sensor) / sensor.samples
     amplitude = np.ones(sensor.samples)
-    for number, (periods, level_db) in enumerate(sensor.sweep_ripple_db):
-        # Golden-ratio phases: no two ripples peak together.
-        amplitude += 2 * 10 ** (level_db / 20) * np.cos(2 * np.pi * (periods * turns + 0.618 * (number + 1)))
-    return amplitude
+    for periods, level_db in sensor.sweep_ripple_db:
+        amplitude += 2 * 10 ** (level_db / 20) * np.cos(2 * np.pi * periods * turns)
+    weight = window(sensor)
+    return amplitude * (weight.sum() / (weight @ amplitude))
 
 
 def beat(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.float32]:

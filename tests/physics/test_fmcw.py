@@ -21,8 +21,8 @@ HARRIS = "Harris, Proc. IEEE 66(1), 1978"
 ONE_ROW = replace(CTS350X, azimuths=1, sweep_ripple_db=())
 FINE = replace(ONE_ROW, bins=4 * CTS350X.bins, bin_m=CTS350X.bin_m / 4, fft_size=4 * CTS350X.fft_size)
 """Four times as many bins, so that the shape of a peak can be read off."""
-CELL_M = 299792458 / 2 / 600e6
-SWEEP_S = 0.049 * 600e6 / 76.5e9  # beta B / f0
+CELL_M = 299792458 / 2 / 636e6
+SWEEP_S = 0.049 * 636e6 / 76.5e9  # beta B / f0
 Window = Literal["hann", "hamming", "blackman", "boxcar"]
 
 
@@ -57,7 +57,7 @@ def test_beat_frequency(law: LawRecorder) -> None:
     law(
         "Beat frequency of 100 m of range",
         source="2 B r / (c T)",
-        expected=2 * 600e6 * 100.0 / (299792458 * SWEEP_S) / 1e3,
+        expected=2 * 636e6 * 100.0 / (299792458 * SWEEP_S) / 1e3,
         simulated=(found[1] - found[0]) / 1e3,
         tolerance=0.05,
         unit="kHz",
@@ -84,7 +84,7 @@ def test_range_resolution(law: LawRecorder) -> None:
 
 
 def test_points_peak_where_they_are(law: LawRecorder) -> None:
-    ranges = np.append(np.linspace(1.0, 162.0, 300), (np.arange(500, 3500, 100) + 0.999) * 0.0432)
+    ranges = np.append(np.linspace(1.0, 161.9, 300), (np.arange(500, 3500, 100) + 0.99) * 0.0432)
     profiles = [power(r, ONE_ROW) for r in ranges]
     wrong = sum(int(np.argmax(p)) != math.floor(r / 0.0432) for p, r in zip(profiles, ranges, strict=True))
     off = [(peak_place(p) + 0.5) * 0.0432 - r for p, r in zip(profiles, ranges, strict=True)]

@@ -155,7 +155,7 @@ def test_noise_floor(law: LawRecorder) -> None:
     power_w, at = 1e-11, (1000 + 0.5) * FLAT.bin_m
     peak = received([at], [power_w], CLEAN).power[0, 1000]
     noise = received([], [], replace(CLEAN, thermal_noise=True), sensor=FLAT).power
-    sweep_s = 0.049 * 600e6 / 76.5e9
+    sweep_s = 0.049 * 636e6 / 76.5e9
     floor_w = 1.380649e-23 * 290 * 10**1.5 * 1.5 / sweep_s
     law(
         "Noise floor of the written scan, as power at the antenna",

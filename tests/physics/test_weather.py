@@ -94,7 +94,7 @@ def test_rain_clutter(law: LawRecorder) -> None:
         at = slice(round((range_m - 1) / FLAT.bin_m), round((range_m + 1) / FLAT.bin_m))
         found[range_m] = float(decibel(written[:, at].mean() / units_per_watt(FLAT)))
     gain, loss, wavelength_m = 10**3.479, 10**1.558, 299792458 / 76.5e9
-    volume_m3 = Antenna(FLAT).two_way_energy_sr * 25.0**2 * 1.5 * 299792458 / (2 * 600e6)
+    volume_m3 = Antenna(FLAT).two_way_energy_sr * 25.0**2 * 1.5 * 299792458 / (2 * 636e6)
     section = drops(10.0, 76.5e9)[0] * volume_m3
     expected = 0.02 * gain**2 * wavelength_m**2 * section / ((4 * math.pi) ** 3 * 25.0**4 * loss)
     lost_db = 2 * 0.025 * specific_attenuation_db_km(10.0, 76.5e9)

@@ -65,7 +65,7 @@ def test_damaged_beat_is_refused_by_name(archive: Path, tmp_path: Path) -> None:
 
 def test_other_sensors_beat_is_refused_with_both_shapes(archive: Path) -> None:
     with pytest.raises(
-        DatasetError, match=r"17\.npz: samples of cts350x have shape \(400, 1416\), these have \(40, 1416\)"
+        DatasetError, match=r"17\.npz: samples of cts350x have shape \(400, 1500\), these have \(40, 1500\)"
     ):
         read_beat(archive)
 
@@ -75,10 +75,10 @@ def test_other_sensors_beat_is_refused_with_both_shapes(archive: Path) -> None:
     [
         ({"scale": None}, r"wrong\.npz: a beat file without scale"),
         (
-            {"samples": np.zeros((40, 1416), np.float32)},
+            {"samples": np.zeros((40, 1500), np.float32)},
             r"wrong\.npz: samples must be .* int16, got .* float32",
         ),
-        ({"samples": np.zeros((40, 1416), ">i2")}, r"wrong\.npz: samples must be .* int16, got .* >i2"),
+        ({"samples": np.zeros((40, 1500), ">i2")}, r"wrong\.npz: samples must be .* int16, got .* >i2"),
         ({"scale": np.ones(40)}, r"wrong\.npz: scale must be \(40,\) float32, got \(40,\) float64"),
         ({"scale": np.ones(39, np.float32)}, r"wrong\.npz: scale must be \(40,\) float32, got \(39,\)"),
         ({"scale": np.zeros(40, np.float32)}, r"wrong\.npz: scale must be finite and above 0"),

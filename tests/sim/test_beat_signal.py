@@ -21,7 +21,7 @@ from echoscape.sim.range_processing import codes_of_beat, range_spectrum
 from echoscape.sim.receiver import Received, receive
 from echoscape.sim.waveform import echo_grid
 
-SENSOR = replace(CTS350X, azimuths=30)  # more rows than are processed together
+SENSOR = replace(CTS350X, azimuths=30, sweep_ripple_db=())  # more rows than are processed together
 RECEIVER = ("saturation", "phase_noise", "thermal_noise", "leakage", "quantisation")
 QUIET = Artefacts(**dict.fromkeys(RECEIVER, False))
 
@@ -226,7 +226,7 @@ def test_other_window_gives_its_own_spectrum() -> None:
 def test_signal_of_another_sensor_is_refused() -> None:
     beat = BeatSignal(samples=np.zeros((30, 100), np.int16), scale=np.ones(30, np.float32))
     for process in (codes_of_beat, range_spectrum):
-        with pytest.raises(ValueError, match=r"beat must have the 1416 samples of a sweep .* got 100"):
+        with pytest.raises(ValueError, match=r"beat must have the 1500 samples of a sweep .* got 100"):
             process(beat, SENSOR)
 
 

@@ -9,10 +9,10 @@ from echoscape.sim.cts350x import CTS350X
 
 def test_derived_quantities_follow_from_each_other() -> None:
     # beta = f0 T / B; a bin is c fs T / (2 B N); the resolution is c / 2B.
-    assert CTS350X.sweep_s == pytest.approx(0.049 * 600e6 / 76.5e9)
+    assert CTS350X.sweep_s == pytest.approx(0.049 * 636e6 / 76.5e9)
     bin_m = 299792458 * CTS350X.sample_hz * CTS350X.sweep_s / (2 * CTS350X.bandwidth_hz * CTS350X.fft_size)
     assert bin_m == pytest.approx(0.0432)
-    assert CTS350X.resolution_m == pytest.approx(0.2498, abs=1e-4)
+    assert CTS350X.resolution_m == pytest.approx(0.2357, abs=1e-4)
     assert CTS350X.sweep_s < CTS350X.row_s
     assert CTS350X.range_m == pytest.approx(162.8, abs=0.1)
     assert CTS350X.wavelength_m == pytest.approx(3.919e-3, abs=1e-6)
