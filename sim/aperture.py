@@ -227,7 +227,8 @@ class _Patches:
                 f"size_m of a {target.kind} of {max(edges_m):g} m is too large to be summed from "
                 f"{self.nearest_m(radar):.3g} m away; a wall is an ordinary surface of any size"
             )
-        return (max(first, second),) * 2 if self.triangular else (first, second)
+        largest = max(first, second)
+        return (largest, largest) if self.triangular else (first, second)
 
     def grid(self, steps: tuple[int, int]) -> tuple[NDArray[np.int64], Vectors, NDArray[np.float64]]:
         """Return patch (S,), place (S, 3) [m] and area (S,) [m^2] of the cells of all patches."""

@@ -103,6 +103,11 @@ class Sensor:
         for name in _POSITIVE:
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} must be above 0, got {getattr(self, name)}")
+        for name, (least, most) in _RANGES.items():
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(
+                    f"{name} must be between {least:g} and {most:g}, got {getattr(self, name):g}"
+                )
         directivity = directivity_db(self.azimuth_pattern_db, self.elevation_pattern_db)
         if self.antenna_gain_db > directivity + _GAIN_SLACK_DB:
             raise ValueError(
@@ -113,6 +118,11 @@ class Sensor:
             raise ValueError(f"blocking_db must be losses of 0 or more, got {self.blocking_db}")
         if self.rotation_jitter_s < 0:
             raise ValueError(f"rotation_jitter_s must be 0 or more, got {self.rotation_jitter_s}")
+        if not 0 <= self.encoder_first < self.encoder_per_turn <= _ENCODER_MOST:
+            raise ValueError(
+                f"encoder_first must be between 0 and encoder_per_turn, at most {_ENCODER_MOST}, "
+                f"got {self.encoder_first} and {self.encoder_per_turn}"
+            )
         if self.encoder_per_turn < self.azimuths:
             raise ValueError(
                 f"encoder_per_turn must be azimuths ({self.azimuths}) or more, got {self.encoder_per_turn}"
@@ -205,6 +215,30 @@ class Sensor:
         figure = 10 ** (self.noise_figure_db / 10)
         return BOLTZMANN * STANDARD_TEMPERATURE * figure * self.sample_hz / 2
 
+
+_ENCODER_MOST = 65_536
+_RANGES = {
+    "azimuths": (8, 10_000),
+    "bins": (16, 65_536),
+    "bin_m": (1e-3, 10),
+    "rotation_hz": (0.01, 100),
+    "carrier_hz": (1e9, 1e12),
+    "bandwidth_hz": (1e6, 1e11),
+    "doppler_beta_s": (1e-6, 10),
+    "fft_size": (32, 2**18),
+    "adc_bits": (1, 16),
+    "full_scale_db": (-50, 200),
+    "tx_power_w": (1e-9, 1e6),
+    "antenna_gain_db": (-10, 80),
+    "system_loss_db": (-20, 120),
+    "noise_figure_db": (0, 60),
+    "noise_units": (1e-3, 1e6),
+    "phase_noise_dbc_hz": (-250, 0),
+    "phase_noise_corner_hz": (1, 1e10),
+    "mount_height_m": (0.1, 100),
+    "mount_tilt_deg": (-89, 89),
+}
+"""Least and most of what numbers of a radar can be: beyond, arithmetic or memory gives out."""
 
 _POSITIVE = (
     "azimuths",

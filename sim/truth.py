@@ -21,7 +21,7 @@ from echoscape.sim.polar_scan import CellTruth, Component, MoverBoxes
 from echoscape.sim.quantiser import LEAST_POWER
 from echoscape.sim.receiver import PART_STEP, Received, leakage_grid
 from echoscape.sim.sensor import Sensor
-from echoscape.sim.waveform import BIN_CENTRE, beat, grid_place, spectrum
+from echoscape.sim.waveform import BIN_CENTRE, beat, grid_place, sample_times, spectrum, sweep_ripple
 
 _KINDS = (Component.DIRECT, Component.GHOST, Component.SIDELOBE)
 
@@ -46,13 +46,14 @@ def mover_boxes(states: MoverStates) -> MoverBoxes:
     )
 
 
-def _spread_shape(sensor: Sensor) -> NDArray[np.float32]:
-    """Return the point-spread power at whole steps from its peak (K + 1,), down to -20 dB."""
+def _spread_shape(sensor: Sensor, floor: float) -> NDArray[np.float32]:
+    """Return the point-spread power at whole steps from its peak (K + 1,), down to `floor`."""
     offsets = np.arange(32) * PART_STEP
-    times = np.arange(sensor.samples) - sensor.samples // 2
-    tones = np.cos(2 * np.pi * offsets[:, None] * times / sensor.fft_size)
-    power = (tones @ window(sensor) / window(sensor).sum()) ** 2
-    return power[: int(np.argmax(power < 0.01))].astype(np.float32)
+    tones = np.cos(2 * np.pi * offsets[:, None] * sample_times(sensor) / sensor.fft_size)
+    weight = window(sensor) * sweep_ripple(sensor)
+    power = (tones @ weight / weight.sum()) ** 2
+    last = int(np.flatnonzero(power >= floor)[-1])
+    return power[: last + 1].astype(np.float32)
 
 
 class Labeller:
@@ -61,7 +62,7 @@ class Labeller:
     def __init__(self, sensor: Sensor, instance_class: NDArray[np.uint8]) -> None:
         self._sensor = sensor
         self._classes = instance_class
-        self._shape = _spread_shape(sensor)
+        self._shape, self._skirt = (_spread_shape(sensor, floor) for floor in (0.01, 1e-4))
         self._steps = -(-sensor.bins // PART_STEP)
         ranges = (np.arange(self._steps) * PART_STEP + BIN_CENTRE) * sensor.bin_m
         self._unit_gain = (units_per_watt(sensor) * range_gain(sensor, ranges)).astype(np.float32)
@@ -84,7 +85,7 @@ class Labeller:
         cells = np.flatnonzero(component == Component.DIRECT)
         echo = received.echo.ravel()[cells]
         step = cells % self._steps
-        power, kind, source = self._strongest(echoes, cells)
+        power, kind, source = self._strongest(echoes, cells, echo)
         explained = power * self._unit_gain[step] >= EXPLAINED * echo
         kind = np.where(explained, kind, np.uint8(Component.SIDELOBE))
         if rain_w is not None:
@@ -118,13 +119,14 @@ class Labeller:
         return component
 
     def _strongest(
-        self, echoes: Echoes, cells: NDArray[np.int64]
+        self, echoes: Echoes, cells: NDArray[np.int64], echo: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
         """Return power [W], kind and return number of the strongest echoes at flat cell numbers (C,).
 
         Power is all that echoes spread there; the kind (DIRECT, GHOST or SIDELOBE) is the one with most of
         it; the return is that of the strongest echo of that kind.
 
+        Cells whose echo power `echo` (C,) is not explained so, but by the skirt of ghosts, are those ghosts'.
         The largest (power, return) pair is found with an integer maximum, which no order of work changes.
         """
         if len(echoes) == 0:
@@ -145,21 +147,35 @@ class Labeller:
         index = mi.UInt32(number.astype(np.uint32))
         dr.scatter_reduce(dr.ReduceOp.Max, best, key | mi.UInt64(mi.UInt32(echoes.source)), index)
         row, step = np.divmod(cells.astype(np.uint32), np.uint32(self._steps))
-        return self._spread(best, mi.Float(total), mi.UInt32(row), mi.UInt32(step))
+        totals = mi.Float(total)
+        power, kind, source = self._spread(best, totals, row, step, self._shape)
+        gain = self._unit_gain[step]
+        weak = np.flatnonzero(power * gain < EXPLAINED * echo)
+        if len(weak):
+            skirt, whose, which = self._spread(best, totals, row[weak], step[weak], self._skirt)
+            ghosts = (whose == Component.GHOST) & (skirt * gain[weak] >= EXPLAINED * echo[weak])
+            found = weak[ghosts]
+            power[found], kind[found], source[found] = skirt[ghosts], whose[ghosts], which[ghosts]
+        return power, kind, source
 
     def _spread(
-        self, best: "mi.UInt64", total: "mi.Float", row: "mi.UInt32", step: "mi.UInt32"
+        self,
+        best: "mi.UInt64",
+        total: "mi.Float",
+        rows: NDArray[np.uint32],
+        steps: NDArray[np.uint32],
+        shape: NDArray[np.float32],
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
         """Return the power spread over each cell, the kind with most of it, and its strongest return."""
-        kinds = len(_KINDS)
+        kinds, row, step = len(_KINDS), mi.UInt32(rows), mi.UInt32(steps)
         sums = [mi.Float(0) for _ in _KINDS]
-        for share, place, valid in self._neighbours(row, step):
+        for share, place, valid in self._neighbours(row, step, shape):
             for kind in range(kinds):
                 sums[kind] += dr.gather(mi.Float, total, place * kinds + kind, valid) * share
         most = dr.select(sums[1] > sums[0], mi.UInt32(1), 0)
         most = dr.select(sums[2] > dr.maximum(sums[0], sums[1]), 2, most)
         largest, source = mi.Float(-1), mi.UInt32(0)
-        for share, place, valid in self._neighbours(row, step):
+        for share, place, valid in self._neighbours(row, step, shape):
             pair = dr.gather(mi.UInt64, best, place * kinds + most, valid)
             power = dr.reinterpret_array(mi.Float, mi.UInt32(pair >> 32)) * share
             better = valid & (power > largest)
@@ -170,13 +186,13 @@ class Labeller:
         return power.numpy(), np.array(_KINDS, np.uint8)[most.numpy()], source.numpy()
 
     def _neighbours(
-        self, row: "mi.UInt32", step: "mi.UInt32"
+        self, row: "mi.UInt32", step: "mi.UInt32", shape: NDArray[np.float32]
     ) -> "Iterator[tuple[float, mi.UInt32, mi.Bool]]":
         """Yield share, number and existence of each step along range within the point spread."""
-        for offset in range(-len(self._shape) + 1, len(self._shape)):
+        for offset in range(-len(shape) + 1, len(shape)):
             place = mi.Int32(step) + offset
             valid = (place >= 0) & (place < self._steps)
-            yield float(self._shape[abs(offset)]), mi.UInt32(mi.Int32(row * self._steps) + place), valid
+            yield float(shape[abs(offset)]), mi.UInt32(mi.Int32(row * self._steps) + place), valid
 
     def _filled(
         self,

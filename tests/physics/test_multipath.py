@@ -18,9 +18,6 @@ from tests.physics.laws import LawRecorder
 from tests.physics.tracing import HEIGHT_M, ROW_DEG, STEADY, traced
 from tests.sim.worlds import plate, quad, standing, world
 
-EVEN = replace(STEADY, sweep_ripple_db=())
-"""Without the skirt of a rippled sweep, which a ghost has as well but which is named a sidelobe."""
-
 SECTION = "Multipath"
 IMAGE = "image theory: a wall at x = 30 m shows x = 20 m at 40 m"
 WALL = ("metal", "wall", plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0))
@@ -112,13 +109,13 @@ def with_and_without_ghosts(town: Town) -> tuple[np.ndarray, np.ndarray]:
             town,
             standing(),
             seed=1,
-            sensor=EVEN,
+            sensor=STEADY,
             settings=TraceSettings(rays=256),
             artefacts=replace(ONLY_ECHOES, ghosts=ghosts),
         )
         rngs = [np.random.default_rng(k) for k in (0, 1)]
-        grid = echo_grid(simulator.echoes(0), EVEN)
-        received = receive(grid, EVEN, simulator.artefacts, noise_rng=rngs[0], phase_rng=rngs[1])
+        grid = echo_grid(simulator.echoes(0), STEADY)
+        received = receive(grid, STEADY, simulator.artefacts, noise_rng=rngs[0], phase_rng=rngs[1])
         heard.append(received.power >= 1.26)  # what the quantiser can tell from nothing
         truth = simulator.scan(0).truth
         if ghosts and truth is not None:
@@ -146,12 +143,13 @@ def test_ghost_mask_marks_what_vanishes(law: LawRecorder) -> None:
         tolerance=0,
         why="every cell",
     )
-    labels, gone = with_and_without_ghosts(world(WALL, CAR, ROAD))
-    law(
-        "Wall, car and road: share of the vanishing cells that is marked ghost",
-        source="the mask says what a cell is made of",
-        expected=1.0,
-        simulated=float(np.mean(labels[gone] == Component.GHOST)),
-        tolerance=0.01,
-        why="direct and ghost echoes of about one strength add in any phase: a cell of both may fall silent",
-    )
+    for ground, tolerance in (("concrete", 0.01), ("asphalt", 0.03)):
+        labels, gone = with_and_without_ghosts(world(WALL, CAR, (ground, *ROAD[1:])))
+        law(
+            f"Wall, car and a road of {ground}: share of the vanishing cells that is marked ghost",
+            source="the mask says what a cell is made of",
+            expected=1.0,
+            simulated=float(np.mean(labels[gone] == Component.GHOST)),
+            tolerance=tolerance,
+            why="direct and ghost echoes of about one strength add in any phase, near the quantiser's floor",
+        )
