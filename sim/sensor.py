@@ -218,7 +218,7 @@ class Sensor:
 
 _ENCODER_MOST = 65_536
 _RANGES = {
-    "azimuths": (8, 10_000),
+    "azimuths": (1, 10_000),
     "bins": (16, 65_536),
     "bin_m": (1e-3, 10),
     "rotation_hz": (0.01, 100),
