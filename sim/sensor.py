@@ -221,7 +221,7 @@ _RANGES = {
     "azimuths": (1, 10_000),
     "bins": (16, 65_536),
     "bin_m": (1e-3, 10),
-    "rotation_hz": (0.01, 100),
+    "rotation_hz": (1e-6, 100),
     "carrier_hz": (1e9, 1e12),
     "bandwidth_hz": (1e6, 1e11),
     "doppler_beta_s": (1e-6, 10),

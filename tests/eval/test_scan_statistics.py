@@ -17,7 +17,7 @@ RANGE_M = (np.arange(BINS) + 0.5) * BIN_M
 
 
 def _noise(rng: np.random.Generator, mean: float, shape: tuple[int, int]) -> np.ndarray:
-    return quantiser.codes(rng.exponential(mean, shape))
+    return quantiser.codes(np.rint(rng.exponential(mean, shape)))
 
 
 def _dark(rows: int = 40) -> np.ndarray:

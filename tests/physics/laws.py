@@ -48,8 +48,8 @@ Unless a row says otherwise the sensor is the CTS350-X at 76.5 GHz (wavelength 3
 windows, peaks, the noise floor, the converter or rain, its sweep is taken without the calibrated ripple of
 amplitude (`sweep_ripple_db`), whose skirt is held by the row on paired echoes and by docs/fidelity.md.
 
-Known to fall short: near ground is sampled by one to three rays a range cell, so that its speckle there is also
-the rays' choice (coherence of 0.6 to 0.8 after 5 cm of driving, where fixed scatterers would keep 0.98).
+Known to fall short: near ground is sampled by one to three rays a range cell, so that its speckle is also the
+rays' choice (coherence of 0.6 to 0.8 after 5 cm of driving, where fixed scatterers would keep 0.98).
 Windows' widths are those of their cosine sums, 1.44, 1.30 and 1.64 cells at -3 dB (Harris 1978: 1.44, 1.30).
 """
 HEADER = """\

@@ -96,7 +96,9 @@ BAD = {
     PLATE + "heading = 3": "target 1: unknown key 'heading'; did you mean heading_deg?",
     PLATE.replace("90", '"north"'): "target 1: heading_deg must be a finite number, got 'north'",
     PLATE.replace("glass", "cheese"): "target 1: material must be one of concrete,",
-    PLATE.replace("width = 1", "width = 0"): "target 1: width of a plate must be above 0, got 0",
+    PLATE.replace(
+        "width = 1", "width = 0"
+    ): "target 1: width of a plate must be between 0.001 and 200 m, got 0",
     PLATE.replace("width", "edge"): "target 1: size_m must have the keys width, height, got height, edge",
     PLATE + "rcs_dbsm = 3": "target 1: unknown key 'rcs_dbsm'",
     PLATE.replace("plate", "sphere").replace("{", "[1] #"): "target 1: unknown key 'elevation_deg'",

@@ -253,10 +253,14 @@ def test_without_speckle_a_dense_row_has_its_mean_power() -> None:
     sensor = replace(SMALL, sweep_ripple_db=CTS350X.sweep_ripple_db)
     profile = np.abs(spectrum(beat(even_grid(echoes, sensor).astype(np.complex64), sensor), sensor)[0]) ** 2
     inner = profile[int(25 / SMALL.bin_m) : int(115 / SMALL.bin_m)]
-    # Per bin: power density x the window's sum of squares (Parseval), by hand for Hann's 3/8.
+    # Per bin: power density x the sum of squares of window and ripple (Parseval), Hann's by hand.
     density = power_w / (100 / SMALL.bin_m)
-    ripple = 1 + sum(2 * 10 ** (level / 10) for _, level in sensor.sweep_ripple_db)
-    expected = density / 2 * 3 / 8 * SMALL.samples * SMALL.fft_size * ripple
+    turns = 2 * math.pi * (np.arange(SMALL.samples) - SMALL.samples // 2) / SMALL.samples
+    hann, ripple = 0.5 + 0.5 * np.cos(turns), np.ones(SMALL.samples)
+    for periods, level_db in sensor.sweep_ripple_db:
+        ripple += 2 * 10 ** (level_db / 20) * np.cos(periods * turns)
+    ripple *= hann.sum() / (hann @ ripple)
+    expected = density / 2 * np.sum((hann * ripple) ** 2) * SMALL.fft_size
     assert abs(decibel(inner.mean() / expected)) < 0.1
     # 17 echoes in each of some 4 bins that a point spreads over: fluctuations of 12 %.
     assert decibel(inner).std() < 0.6

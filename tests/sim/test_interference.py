@@ -79,14 +79,17 @@ def test_crossing_brings_its_power_for_the_time_in_the_band(rising: bool) -> Non
     sensor = two_rows(replace(CTS350X, chirps="rising" if rising else "falling"))
     power_w = np.array([2e-12, 0.0])
     times_s = TIMES_S + (0 if rising else 15e-6)  # so that no crossing is cut by the sweep's ends
-    beats = interference(RADAR, sensor, power_w=power_w, times_s=times_s, rng=np.random.default_rng(1))
+    drawn = [np.random.default_rng(seed) for seed in range(60)]
+    beats = [interference(RADAR, sensor, power_w=power_w, times_s=times_s, rng=rng) for rng in drawn]
     when = crossings(RADAR, sensor, times_s)[0]
     count = np.isfinite(when).sum()
     assert np.nanmax(abs(when)) < sensor.sweep_s / 2 - 2e-6
     relative = 10e12 - 1.5612e12 * (1 if rising else -1)  # 76.5 GHz / 0.049 s
     expected = count * 2e-12 * sensor.sample_hz * (sensor.sample_hz / relative)
-    assert np.sum(beats[0] ** 2) == pytest.approx(expected, rel=0.05)
-    assert not beats[1].any()
+    # A real pulse's energy hangs on its phase: sixty draws of three crossings or more.
+    energy = np.mean([np.sum(each[0].astype(np.float64) ** 2) for each in beats])
+    assert energy == pytest.approx(expected, rel=0.05)
+    assert not any(each[1].any() for each in beats)
 
 
 @pytest.mark.parametrize("name", SENSORS)
@@ -170,7 +173,7 @@ def added(made: Simulator) -> NDArray[np.float32]:
 
 def test_rows_that_look_there_rise_and_are_named() -> None:
     # At 30 m 3 mW are 29 dB above the noise while in the band, for some hundredth of a sweep.
-    quiet, loud = (simulator([facing(5, 30, 0)], eirp_w=each).scan(0) for each in (0.0, 0.03))
+    quiet, loud = (simulator([facing(5, 30, 0)], eirp_w=each).scan(0) for each in (0.0, 0.06))
     rise_db = (loud.codes[:, 1500:3500].astype(float) - quiet.codes[:, 1500:3500]).mean(axis=1) / 2
     assert rise_db[[399, 0, 1]].min() > 3
     assert np.abs(rise_db[20:380]).max() < 0.5
