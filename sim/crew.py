@@ -9,6 +9,7 @@ import pickle
 import signal
 import traceback
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -21,6 +22,7 @@ from echoscape.scenes.drive import Drive
 from echoscape.scenes.own_drive import OwnDrive
 from echoscape.scenes.world import Mover, Town
 from echoscape.sim.beat_files import write_beat
+from echoscape.sim.polar_scan import EPOCH_US, PolarScan
 from echoscape.sim.recipe import Recipe
 from echoscape.sim.truth_files import write_truth
 from echoscape.sim.whole_files import remove_temporaries, temporary_beside
@@ -65,9 +67,20 @@ def make_scans(
         _Crew(out, recipe, scenery, workers=workers, threads=threads).make(recipe.scans, report)
         return
     maker = ScanMaker(out, recipe, scenery, threads=threads)
-    for index in range(recipe.scans):
-        maker.make(index)
-        report(index + 1)
+    # Packing the files of a scan leaves the processors to the next one.
+    with ThreadPoolExecutor(1) as clerk:
+        writing: Future[None] | None = None
+        for index in range(recipe.scans):
+            scan = maker.simulated(index)
+            if writing is not None:
+                writing.result()
+                report(index)
+            writing = clerk.submit(maker.write, scan) if scan is not None else None
+            if scan is None:
+                report(index + 1)
+        if writing is not None:
+            writing.result()
+    report(recipe.scans)
 
 
 def scan_folders(recipe: Recipe) -> tuple[str, ...]:
@@ -108,19 +121,30 @@ class ScanMaker:
         )
 
     def make(self, index: int) -> None:
-        """Make scan `index` unless it is there; its picture is written last and so stands for all of it."""
-        from echoscape.sim.polar_scan import EPOCH_US
+        """Make scan `index` with all its files, unless it is there."""
+        scan = self.simulated(index)
+        if scan is not None:
+            self.write(scan)
 
+    def simulated(self, index: int) -> PolarScan | None:
+        """Return scan `index`, None where it is there already."""
         layout, times_s = self._recipe.folder_layout, self._simulator.turn(index).times_s
         stem = layout.stem(EPOCH_US + np.rint(times_s * 1e6).astype(np.int64))
         if stem in whole_scans(self._out, self._recipe):
-            return
+            return None
         scan = self._simulator.scan(index, keep_beat=self._recipe.keep_beat)
         if scan.truth is None or layout.stem(scan.timestamp_us) != stem:
             raise CrewError(
                 f"scan {index} has no truth, or is named {layout.stem(scan.timestamp_us)} instead of {stem}"
             )
-        write_truth(self._out / "truth" / f"{stem}.npz", scan.truth)
+        return scan
+
+    def write(self, scan: PolarScan) -> None:
+        """Write a scan's files; its picture is written last and so stands for all of it."""
+        layout = self._recipe.folder_layout
+        stem = layout.stem(scan.timestamp_us)
+        if scan.truth is not None:
+            write_truth(self._out / "truth" / f"{stem}.npz", scan.truth)
         if scan.beat is not None:
             write_beat(self._out / "beat" / f"{stem}.npz", scan.beat)
         layout.write_scan(layout.scan_path(self._out, stem), scan)
