@@ -74,6 +74,7 @@ def layers(maps: Maps, stride: int) -> list[Layer]:
 
 
 @lru_cache
+@torch.inference_mode(False)  # kept: what inference asks for first must serve training as well
 def resizing(factor: int, side: int) -> Tensor:
     """Return (patch^2, side^2) float32: what each sample of a patch adds to each sample of a tile."""
     place = (torch.arange(side) + 0.5) / factor + 0.5  # in the patch, whose sample 0 lies around the tile

@@ -5,6 +5,7 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
+from echoscape.learn import tiles
 from echoscape.learn.descriptors import dense_descriptors, descriptors_at, unit
 from echoscape.learn.fast_matching import fast_expected_matches
 from echoscape.learn.matching import expected_matches, match_weights
@@ -125,3 +126,11 @@ def test_weights_are_one_for_certain_equals_and_zero_for_opposites() -> None:
 def test_a_stride_that_does_not_exist_is_refused() -> None:
     with pytest.raises(ValueError, match="stride must be one of"):
         fast_expected_matches(*_case(torch.float32), temperature=T, stride=3)
+
+
+def test_what_inference_used_first_serves_training() -> None:
+    tiles.resizing.cache_clear()
+    with torch.inference_mode():
+        kept = tiles.resizing(4, 16)
+    assert not kept.is_inference()
+    assert tiles.resizing(4, 16) is kept
