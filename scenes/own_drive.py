@@ -16,6 +16,7 @@ from echoscape.scenes.trajectory import Trajectory
 
 POSE = ("t_s", "x_m", "y_m", "heading_deg")
 FASTEST_MPS = 100.0
+_KEYS = ("poses", "waypoints", "speed_mps", "z_m")
 
 _KNOT_S = 0.05
 _FINENESS_M = 0.05
@@ -53,8 +54,9 @@ def drive_plan(table: Table) -> DrivePlan:
 
     Raises:
         SceneError: it has both poses and way-points or neither, too few of them, times that do not grow from
-            0, points that coincide, or a speed out of range.
+            0, points that coincide, a speed out of range, or a key that no drive has.
     """
+    table.expect(_KEYS)
     poses, waypoints = "poses" in table, "waypoints" in table
     if poses == waypoints:
         raise table.fault(f"one of poses and waypoints must be given, got {'both' if poses else 'neither'}")

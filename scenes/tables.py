@@ -94,13 +94,22 @@ class Table:
         """Refuse a key that nobody asked for.
 
         Raises:
-            SceneError: there is one; the message names it, and the key that may have been meant.
+            SceneError: there is one; the message names it, the one that may have been meant, and all others.
         """
+        self.expect(self._known)
+
+    def expect(self, keys: Sequence[str]) -> None:
+        """Refuse a key that is none of `keys`, so that a misspelt one is told before what lacks without it.
+
+        Raises:
+            SceneError: there is one; see `finish`.
+        """
+        allowed = list(dict.fromkeys(keys))
         for key in self._content:
-            if key not in self._known:
-                near = difflib.get_close_matches(key, self._known, 1)
-                hint = f"did you mean {near[0]}?" if near else f"there is {', '.join(self._known)}"
-                raise self.fault(f"unknown key {key!r}; {hint}")
+            if key not in allowed:
+                near = difflib.get_close_matches(key, allowed, 1)
+                hint = f"did you mean {near[0]}? " if near else ""
+                raise self.fault(f"unknown key {key!r}; {hint}allowed: {', '.join(allowed)}")
 
     def _value(self, key: str, default: object) -> Any:
         self._known.append(key)

@@ -263,7 +263,11 @@ BAD_TOML = {
     "sacle = 2\n" + ALL + STAND: "unknown key 'sacle'; did you mean scale?",
     ALL + "[drive]\nspeed_mps = 3": "drive: one of poses and waypoints must be given, got neither",
     ALL + STAND + "waypoints = [[0, 0], [1, 1]]": "drive: one of poses and waypoints must be given, got both",
-    ALL + STAND + "speed_mps = 3": "drive: unknown key 'speed_mps'",
+    ALL + STAND + "speed_mps = 3": "drive: unknown key 'speed_mps'; allowed: poses, waypoints, z_m",
+    ALL + "[drive]\npose = [[0, 0, 0, 0], [9, 0, 0, 0]]": "yard.toml: drive: unknown key 'pose'; "
+    "did you mean poses? allowed: poses, waypoints, speed_mps, z_m",
+    ALL + "[drive]\nwaypoints = [[0, 0], [5, 0]]\nspeed = 3": "yard.toml: drive: unknown key 'speed'; "
+    "did you mean speed_mps? allowed: poses, waypoints, speed_mps, z_m",
     ALL + "[drive]\nposes = [[0, 0, 0, 0]]": "drive: poses must be two or more, got 1",
     ALL + "[drive]\nposes = [[0, 0, 0, 0], [1, 2, 3]]": "poses must be [[t_s, x_m, y_m, heading_deg], ...]",
     ALL + "[drive]\nposes = [[1, 0, 0, 0], [2, 0, 0, 0]]": "poses must begin at t_s = 0, got 1",
