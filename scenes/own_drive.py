@@ -16,6 +16,9 @@ from echoscape.scenes.trajectory import Trajectory
 
 POSE = ("t_s", "x_m", "y_m", "heading_deg")
 FASTEST_MPS = 100.0
+HIGHEST_M = 10_000.0
+"""The ground below the car is at most so far above or below 0, as far as vertices of meshes may reach."""
+
 _KEYS = ("poses", "waypoints", "speed_mps", "z_m")
 
 _KNOT_S = 0.05
@@ -28,13 +31,18 @@ class DrivePlan:
     """What a drive is given as: poses, rows of t [s], x, y [m], yaw [deg], or way-points, rows of x, y [m].
 
     yaw is counter-clockwise from world x; speed_mps is that along the way-points, 0 where there are poses;
-    z_m the height of the ground below the car.
+    z_m the height of the ground below the car, between -HIGHEST_M and HIGHEST_M.
     """
 
     poses: tuple[tuple[float, ...], ...] = ()
     waypoints: tuple[tuple[float, ...], ...] = ()
     speed_mps: float = 0.0
     z_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a height at which there is no ground."""
+        if not abs(self.z_m) <= HIGHEST_M:
+            raise ValueError(_height_refused(self.z_m))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,13 +62,15 @@ def drive_plan(table: Table) -> DrivePlan:
 
     Raises:
         SceneError: it has both poses and way-points or neither, too few of them, times that do not grow from
-            0, points that coincide, a speed out of range, or a key that no drive has.
+            0, points that coincide, a speed or a height out of range, or a key that no drive has.
     """
     table.expect(_KEYS)
     poses, waypoints = "poses" in table, "waypoints" in table
     if poses == waypoints:
         raise table.fault(f"one of poses and waypoints must be given, got {'both' if poses else 'neither'}")
     z_m = table.number("z_m", 0.0)
+    if abs(z_m) > HIGHEST_M:
+        raise table.fault(_height_refused(z_m))
     if poses:
         plan = DrivePlan(poses=table.rows("poses", POSE), z_m=z_m)
         _check_poses(table, np.array(plan.poses).reshape(-1, 4))
@@ -76,6 +86,10 @@ def own_drive(plan: DrivePlan) -> OwnDrive:
     """Return the drive of a plan."""
     track = _through_poses(plan) if plan.poses else _along_waypoints(plan)
     return OwnDrive(trajectory=track, duration_s=float(track.time_s[-1]))
+
+
+def _height_refused(z_m: float) -> str:
+    return f"z_m must be between -{HIGHEST_M:.0f} and {HIGHEST_M:.0f}, got {z_m:.6g}"
 
 
 def _check_poses(table: Table, poses: NDArray[np.float64]) -> None:

@@ -276,6 +276,8 @@ BAD_TOML = {
     ALL + "[drive]\nwaypoints = [[0, 0], [5, 0]]": "drive: speed_mps is missing",
     ALL + "[drive]\nwaypoints = [[0, 0], [5, 0]]\nspeed_mps = 0": "speed_mps must be above 0",
     ALL + "[drive]\nwaypoints = [[0, 0], [0, 0]]\nspeed_mps = 1": "row 2 is nearer",
+    ALL + STAND + "z_m = 1e5": "yard.toml: drive: z_m must be between -10000 and 10000, got 100000",
+    ALL + STAND + "z_m = -10001": "yard.toml: drive: z_m must be between -10000 and 10000, got -10001",
     ALL + STAND + '[[target]]\nkind = "plate"': "target 1: position_m is missing",
 }  # fmt: skip
 
@@ -351,6 +353,13 @@ def test_poses_are_met_and_what_stands_still_stays_still() -> None:
     assert_allclose(drive.pose(np.linspace(0, 2, 50))[:, :2], 0.0, atol=1e-12)
     before, after = drive.trajectory.velocity(np.array([6 - 1e-6, 6 + 1e-6]))
     assert_allclose(before, after, atol=1e-3)
+
+
+@pytest.mark.parametrize("z_m", [1.0001e4, -np.inf, np.nan])
+def test_a_plan_too_high_or_deep_is_refused(z_m: float) -> None:
+    with pytest.raises(ValueError, match="z_m must be between -10000 and 10000"):
+        DrivePlan(waypoints=((0.0, 0.0), (9.0, 0.0)), speed_mps=1.0, z_m=z_m)
+    assert DrivePlan(z_m=-1e4).z_m == -1e4
 
 
 @pytest.mark.parametrize(
