@@ -42,7 +42,7 @@ def step_of(size: int, matching: Matching | None, network: torch.dtype) -> Calla
 
     def step() -> None:
         optimiser.zero_grad()
-        pose_loss(model(source, destination, matching or Matching(), network), truth).mean().backward()
+        pose_loss(model(source, destination, matching or Matching(), network).motion(), truth).mean().backward()
         optimiser.step()
 
     def plain(

@@ -46,6 +46,8 @@ class Options:
     """Learn how far to trust keypoints; without, descriptors alone weigh matches."""
     temperature: float = 100.0
     """T of the matching softmax."""
+    start: Path | None = None
+    """Weights to begin with, of any resolution; without, --seed draws them."""
     cache: Path | None = None
     """Folder for prepared scans; by default the folder `cache` in each data folder."""
     threads: int | None = None
@@ -93,6 +95,7 @@ def _train(options: Options, model_settings: ModelSettings) -> int:
                 model_settings,
                 options.train,
                 data,
+                start=options.start,
                 resume=options.resume,
                 report=lambda line: _report(stages, options.train.steps, line),
             )

@@ -1,15 +1,19 @@
-"""What training makes small: the error of the translation plus alpha times that of the rotation.
+"""What training makes small: the error of the pose, and, where it is asked for, that of every match.
 
-Source: Barnes & Posner 2020, equation 6: |t^ - t|_2 + alpha |R^ R^T - 1|_2 with alpha = 10.
+Source: Barnes & Posner 2020, equation 6: |t^ - t|_2 + alpha |R^ R^T - 1|_2 with alpha = 10. The error of
+matches is ours: true motions say where each keypoint is in the other scan, which real logs rarely know well.
 """
 
 import torch
 from torch import Tensor
 
+from echoscape.learn.model import Matches
 from echoscape.learn.pose import Motion
 
 ALPHA_M = 10.0
 """Weight of the rotation's error [m]."""
+
+_SMALLEST_WEIGHT = 1e-12
 
 
 def pose_loss(estimate: Motion, truth: Motion, *, alpha_m: float = ALPHA_M) -> Tensor:
@@ -21,6 +25,20 @@ def pose_loss(estimate: Motion, truth: Motion, *, alpha_m: float = ALPHA_M) -> T
     shift = torch.linalg.vector_norm(estimate.translation_m - truth.translation_m, dim=-1)
     turn = estimate.rotation @ truth.rotation.transpose(1, 2) - torch.eye(2).to(estimate.rotation)
     return shift + alpha_m * torch.linalg.vector_norm(turn[..., 0], dim=-1)
+
+
+def match_loss(matches: Matches, truth: Motion, *, reach_m: float) -> Tensor:
+    """Return (B,) [m]: the weighted mean distance of matches from where the true motion puts their keypoints.
+
+    With e = |d - (R s + t)| and shares v = w / sum w it is sum v e, whose slopes go into the places, plus
+    sum v min(e, reach_m), whose slopes go into the weights alone: matches gone astray pull their places back
+    with full force, but teach the weights no more than a bounded lesson.
+    """
+    moved = matches.source_m @ truth.rotation.transpose(1, 2) + truth.translation_m[:, None]
+    distance_m = torch.linalg.vector_norm(matches.destination_m - moved, dim=-1)
+    share = matches.weights / matches.weights.sum(1, keepdim=True).clamp(min=_SMALLEST_WEIGHT)
+    places = (share.detach() * distance_m).sum(1)
+    return places + (share * distance_m.detach().clamp(max=reach_m)).sum(1)
 
 
 def pose_errors(estimate: Motion, truth: Motion) -> tuple[Tensor, Tensor]:

@@ -97,8 +97,8 @@ class KeypointModel(nn.Module):
 
     def forward(
         self, source: Tensor, destination: Tensor, matching: Matching, network_dtype: torch.dtype
-    ) -> Motion:
-        """Return the motions T_destination_source between pictures (B, 1, H, H), for training.
+    ) -> Matches:
+        """Return the matches between pictures (B, 1, H, H), for training.
 
         Both go through the network together; keypoints are looked for in the source alone. network_dtype:
         of the convolutions.
@@ -111,7 +111,7 @@ class KeypointModel(nn.Module):
         maps = tuple(each.float() for each in maps)
         found = self.keypoints(tuple(each[:count] for each in maps), _part(scores, 0, count), logits)
         into = tuple(each[count:] for each in maps)
-        return self.matches(found, into, _part(scores, count, None), matching).motion()
+        return self.matches(found, into, _part(scores, count, None), matching)
 
     def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
         """Return the encoder's maps and the scores of images (B, 1, H, H)."""

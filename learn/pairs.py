@@ -79,6 +79,7 @@ class PairSet:
         """
         if not folders:
             raise DatasetError("data must name one folder or more")
+        self.names = [Path(folder).resolve().name for folder in folders]
         self.drives = [_drive(Path(folder), image, cache, report) for folder in folders]
 
     def drawn(self, turns: TurnSettings, step: int, *, rng: np.random.Generator) -> Pair:

@@ -24,12 +24,12 @@ from torch.nn.utils import clip_grad_norm_
 
 from echoscape.learn.augment import TurnSettings
 from echoscape.learn.checkpoint import FILE_NAME, Checkpoint, Progress, read_checkpoint, write_checkpoint
-from echoscape.learn.loss import ALPHA_M, pose_errors, pose_loss
+from echoscape.learn.loss import ALPHA_M, match_loss, pose_errors, pose_loss
 from echoscape.learn.model import KeypointModel, Matching, ModelSettings
 from echoscape.learn.pairs import PairSet
 from echoscape.learn.training_plot import draw_training
 from echoscape.learn.validation import fixed_pairs, pair_errors
-from echoscape.learn.weights import write_weights
+from echoscape.learn.weights import read_weights, write_weights
 from echoscape.sim.whole_files import DatasetError, read_text, remove_temporaries, write_whole
 
 SETTINGS_FILE, LOG_FILE = "settings.json", "log.jsonl"
@@ -43,8 +43,10 @@ Report = Callable[[dict[str, Any]], None]
 class TrainSettings:
     """How a model is trained.
 
-    seed: of all draws; steps: of Adam; pairs: a step and process; learning_rate; alpha_m: weight of rotation
-    in the loss; clip: largest norm of the gradients; match_stride: 2 searches every second pixel in training;
+    seed: of all draws; steps: of Adam; pairs: a step and process; learning_rate: up to hold_steps, from there
+    on halved every halve_steps (0: never), evenly; alpha_m: weight of rotation in the loss; match_weight: of
+    the matches' own error in it (0: poses alone supervise), match_reach_m: beyond which an error teaches the
+    weights no more; clip: largest norm of the gradients; match_stride: 2 searches every second pixel in training;
     network, products: number formats of the convolutions and of the matching's products; turns: of the
     pictures; validate_every, validate_pairs: steps between validations and pairs of one; log_every: steps
     averaged in a line of the log; save_every, save_minutes: between checkpoints; patience: validations
@@ -55,7 +57,11 @@ class TrainSettings:
     steps: int = 30_000
     pairs: int = 1
     learning_rate: float = 1e-3
+    hold_steps: int = 0
+    halve_steps: int = 0
     alpha_m: float = ALPHA_M
+    match_weight: float = 0.0
+    match_reach_m: float = 5.0
     clip: float = 10.0
     match_stride: Literal[1, 2] = 2
     network: Literal["float32", "bfloat16"] = "bfloat16"
@@ -72,13 +78,19 @@ class TrainSettings:
         for name in ("steps", "pairs", "validate_every", "validate_pairs", "log_every", "save_every"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be 1 or more, got {getattr(self, name)}")
-        for name in ("learning_rate", "alpha_m", "clip", "save_minutes"):
+        for name in ("learning_rate", "alpha_m", "match_reach_m", "clip", "save_minutes"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be finite and above 0, got {value}")
-        for name in ("seed", "patience"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name} must be 0 or more, got {getattr(self, name)}")
+        for name in ("seed", "patience", "hold_steps", "halve_steps", "match_weight"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
+                raise ValueError(f"{name} must be finite and 0 or more, got {getattr(self, name)}")
+
+    def rate(self, step: int) -> float:
+        """Return the learning rate at a step."""
+        if self.halve_steps == 0:
+            return self.learning_rate
+        return self.learning_rate * 0.5 ** (max(step - self.hold_steps, 0) / self.halve_steps)
 
     @property
     def matching(self) -> Matching:
@@ -100,17 +112,21 @@ def train(
     settings: TrainSettings,
     data: Data,
     *,
+    start: Path | None = None,
     resume: bool = False,
     report: Report | None = None,
 ) -> KeypointModel:
     """Train a model into the folder `out` and return it as it is at the end.
 
+    start: weights to begin with, of any resolution; without, the seed draws them.
+
     Raises:
-        DatasetError: `out` is not empty (or, to resume, holds no run with these settings).
+        DatasetError: `out` is not empty (or, to resume, holds no run with these settings), or `start` is no
+            model with the same heads.
         ValueError: a loss is not finite, which ends the run at its last checkpoint.
     """
     with _processes() as (rank, world):
-        run = _Run(out, model_settings, settings, data, rank=rank, world=world, report=report)
+        run = _Run(out, model_settings, settings, data, start, rank=rank, world=world, report=report)
         run.begin(resume=resume)
         while run.progress.step < settings.steps and not run.is_out_of_patience:
             run.advance()
@@ -127,6 +143,7 @@ class _Run:
         model_settings: ModelSettings,
         settings: TrainSettings,
         data: Data,
+        start: Path | None,
         *,
         rank: int,
         world: int,
@@ -135,9 +152,9 @@ class _Run:
         self.out, self.settings, self.data = out, settings, data
         self.rank, self.world, self.report = rank, world, report
         self.model = initial_model(model_settings, seed=settings.seed)
-        self.told = json.loads(
-            json.dumps({"model": asdict(model_settings), "train": asdict(settings), "processes": world})
-        )
+        begun = None if start is None else _begin_with(self.model, start)
+        told = {"model": asdict(model_settings), "train": asdict(settings), "processes": world}
+        self.told = json.loads(json.dumps({**told, "data": data.training.names, "start": begun}))
         self.optimiser = torch.optim.Adam(self.model.parameters(), settings.learning_rate)
         self.progress = Progress()
         self.forward = DistributedDataParallel(self.model) if world > 1 else self.model
@@ -203,12 +220,18 @@ class _Run:
         batch = self.data.training.batch(drawn)
         self.forward.train()
         self.optimiser.zero_grad(set_to_none=True)
-        motion = self.forward(batch.source, batch.destination, settings.matching, DTYPES[settings.network])
+        matches = self.forward(batch.source, batch.destination, settings.matching, DTYPES[settings.network])
+        motion = matches.motion()
         loss = pose_loss(motion, batch.motion, alpha_m=settings.alpha_m).mean()
+        if settings.match_weight > 0:
+            astray = match_loss(matches, batch.motion, reach_m=settings.match_reach_m)
+            loss = loss + settings.match_weight * astray.mean()
         if not bool(loss.isfinite()):
             raise ValueError(f"loss must be finite, got {float(loss.detach())} at step {step}; pairs {drawn}")
         loss.backward()
         clip_grad_norm_(self.model.parameters(), settings.clip, error_if_nonfinite=True)
+        for group in self.optimiser.param_groups:
+            group["lr"] = settings.rate(step)
         self.optimiser.step()
         shift, turn = (each.detach() for each in pose_errors(motion, batch.motion))
         return float(loss.detach()), float(shift.mean()), float(turn.mean())
@@ -264,7 +287,8 @@ class _Run:
 
     def _write_weights(self, name: str) -> None:
         if self.rank == 0:
-            record = {**self.told["train"], "processes": self.world, "step": self.progress.step}
+            record = {name: value for name, value in self.told.items() if name not in ("model", "train")}
+            record = {**self.told["train"], **record, "step": self.progress.step}
             best = self.progress.best_m
             record["validation_loss_m"] = best if math.isfinite(best) else None
             write_weights(self.out / f"{name}.safetensors", self.model, record)
@@ -284,6 +308,16 @@ def initial_model(settings: ModelSettings, *, seed: int) -> KeypointModel:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(int(np.random.SeedSequence([seed, 2]).generate_state(1)[0]))
         return KeypointModel(settings).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+
+def _begin_with(model: KeypointModel, path: Path) -> dict[str, Any]:
+    """Give a model the weights in a file and return the record of their training."""
+    other, record = read_weights(path)
+    try:
+        model.load_state_dict(other.state_dict())
+    except RuntimeError as error:
+        raise DatasetError(f"{path}: has other heads than the model to be trained") from error
+    return {**record, "image": asdict(other.settings.image)}
 
 
 def _without_ends(told: dict[str, Any]) -> dict[str, Any]:

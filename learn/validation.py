@@ -40,7 +40,7 @@ def pair_errors(
     found = []
     for pair in chosen:
         batch = pairs.batch([pair])
-        motion = model(batch.source, batch.destination, matching, dtype)
+        motion = model(batch.source, batch.destination, matching, dtype).motion()
         shift, turn = pose_errors(motion, batch.motion)
         found.append((float(shift), float(turn), float(pose_loss(motion, batch.motion))))
     model.train(training)

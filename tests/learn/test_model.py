@@ -84,7 +84,7 @@ def test_heads_can_be_left_out(location_head: bool, score_head: bool) -> None:
     centres = (found.keypoints.points_px[0, :20, 1] - (torch.arange(20) * 4 + 1.5)).abs().max()
     assert (centres == 0) == (not location_head)
     assert bool((found.keypoints.scores == 1).all()) == (not score_head)
-    motion = model.train()(_picture(1), _picture(2), Matching(), torch.float32)
+    motion = model.train()(_picture(1), _picture(2), Matching(), torch.float32).motion()
     motion.translation_m.sum().backward()
     assert all(each.grad is not None and bool(each.grad.isfinite().all()) for each in model.parameters())
 

@@ -89,6 +89,35 @@ def test_training_ends_when_patience_does(data: Data, tmp_path: Path) -> None:
     assert len(lines) < 40
 
 
+def test_weights_of_another_resolution_are_gone_on_from(data: Data, folder: Path, tmp_path: Path) -> None:
+    first = train(tmp_path / "coarse", MODEL, SHORT, data)
+    fine = ModelSettings(image=ImageSettings(pixel_m=0.6912, size=160))
+    still = TrainSettings(steps=1, learning_rate=1e-30)
+    start = tmp_path / "coarse" / "last.safetensors"
+    second = train(tmp_path / "fine", fine, still, Data(training=PairSet([folder], fine.image)), start=start)
+    for before, after in zip(first.parameters(), second.parameters(), strict=True):
+        assert torch.equal(before, after)
+    _, record = read_weights(tmp_path / "fine" / "last.safetensors")
+    assert (record["start"]["step"], record["start"]["image"]["pixel_m"]) == (5, 1.3824)
+    assert record["data"] == ["drive"]
+    headless = ModelSettings(image=fine.image, score_head=False)
+    with pytest.raises(DatasetError, match="last.safetensors: has other heads"):
+        train(tmp_path / "other", headless, still, Data(training=PairSet([folder], fine.image)), start=start)
+
+
+def test_the_learning_rate_is_held_and_then_halved() -> None:
+    settings = TrainSettings(learning_rate=4e-3, hold_steps=100, halve_steps=50)
+    assert [settings.rate(step) for step in (0, 100, 150, 200)] == [4e-3, 4e-3, 2e-3, 1e-3]
+    assert TrainSettings().rate(10**6) == 1e-3
+
+
+def test_errors_of_matches_change_what_is_learned(data: Data, tmp_path: Path) -> None:
+    two = TrainSettings(steps=2)
+    plain = train(tmp_path / "plain", MODEL, two, data)
+    told = train(tmp_path / "told", MODEL, TrainSettings(steps=2, match_weight=1.0), data)
+    assert any(not torch.equal(a, b) for a, b in zip(plain.parameters(), told.parameters(), strict=True))
+
+
 @pytest.mark.slow
 def test_a_few_hundred_steps_bring_the_error_down_by_half(tmp_path: Path) -> None:
     poses = [(2.0 * i, 0.03 * i * i, 0.03 * i) for i in range(16)]
