@@ -42,7 +42,8 @@ def step_of(size: int, matching: Matching | None, network: torch.dtype) -> Calla
 
     def step() -> None:
         optimiser.zero_grad()
-        pose_loss(model(source, destination, matching or Matching(), network).motion(), truth).mean().backward()
+        found = model(source, destination, matching or Matching(), network)
+        pose_loss(found.motion(), truth).mean().backward()
         optimiser.step()
 
     def plain(

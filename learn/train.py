@@ -46,9 +46,9 @@ class TrainSettings:
     seed: of all draws; steps: of Adam; pairs: a step and process; learning_rate: up to hold_steps, from there
     on halved every halve_steps (0: never), evenly; alpha_m: weight of rotation in the loss; match_weight: of
     the matches' own error in it (0: poses alone supervise), match_reach_m: beyond which an error teaches the
-    weights no more; clip: largest norm of the gradients; match_stride: 2 searches every second pixel in training;
-    network, products: number formats of the convolutions and of the matching's products; turns: of the
-    pictures; validate_every, validate_pairs: steps between validations and pairs of one; log_every: steps
+    weights no more; clip: largest norm of the gradients; match_stride: 2 searches every second pixel in
+    training; network, products: number formats of the convolutions and of the matching's products; turns: of
+    the pictures; validate_every, validate_pairs: steps between validations and pairs of one; log_every: steps
     averaged in a line of the log; save_every, save_minutes: between checkpoints; patience: validations
     without a better one after which training ends, 0 for never.
     """
