@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.materials import MATERIAL_NAMES
-from echoscape.scenes.world import Mesh, Mover, Prototype, Town
+from echoscape.scenes.world import CLASSES, Mesh, Mover, Prototype, Town
 from echoscape.sim.backend import dr, mi
 
 GARAGE_SPACING_M = 50.0
@@ -190,3 +190,13 @@ class TownScene:
         self.garage_face = start
         mesh = _shape("garage", np.concatenate(vertices), np.concatenate(faces))
         return mi.load_dict({"type": "scene", "mesh": mesh})
+
+
+def instance_classes(town: Town, movers: Sequence[Mover]) -> NDArray[np.uint8]:
+    """Return the class id (I,) uint8 of every instance id, standing or moving."""
+    last = max([len(town.instance_class) - 1, *(mover.instance for mover in movers)])
+    classes = np.zeros(last + 1, np.uint8)
+    classes[: len(town.instance_class)] = town.instance_class
+    for mover in movers:
+        classes[mover.instance] = CLASSES.index(mover.prototype.class_name)
+    return classes

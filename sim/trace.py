@@ -15,8 +15,8 @@ from echoscape.scenes.targets import PlacedTarget
 from echoscape.scenes.world import CLASSES
 from echoscape.sim.antenna import Antenna
 from echoscape.sim.backend import dr, mi
-from echoscape.sim.directions import draw_directions
 from echoscape.sim.echoes import Echoes, Returns
+from echoscape.sim.fan import Fan
 from echoscape.sim.hearing import Heard, Hearing
 from echoscape.sim.intersection import Hits, World
 from echoscape.sim.link import link_w_m2, units_per_watt
@@ -30,8 +30,6 @@ from echoscape.sim.target_echoes import TargetEchoes
 from echoscape.sim.town_scene import TownScene
 from echoscape.sim.trace_settings import TraceSettings
 
-RAYS_STAGE = 300
-"""Number of the stage that draws the directions of rays; those of scenes/ are smaller."""
 LIKELY_BRDF = 0.3
 """Scattering [1/sr] of a rough wall met head on: what a mirrored ray is assumed to meet next."""
 LEAST_CHANCE = 0.1
@@ -61,20 +59,7 @@ class Tracer:
         self._sensor = sensor
         self._settings = settings
         self.antenna = antenna = Antenna(sensor)
-        rng = np.random.default_rng(np.random.SeedSequence([seed, RAYS_STAGE]))
-        chosen = draw_directions(antenna, rays=settings.rays, rng=rng)
-        elevation = chosen.elevation_rad + math.radians(sensor.mount_tilt_deg)
-        self._row = mi.UInt32(chosen.row)
-        self._forward = mi.Float64(np.cos(elevation) * np.cos(chosen.azimuth_rad))
-        self._aside = mi.Float64(np.cos(elevation) * np.sin(chosen.azimuth_rad))
-        self._up = mi.Float64(np.sin(elevation))
-        self._density = mi.Float(chosen.density.astype(np.float32))
-        one_way = np.interp(chosen.elevation_rad, antenna.elevation_grid_rad, antenna.elevation_one_way)
-        self._gain = mi.Float(one_way.astype(np.float32))
-        # Each ray looks for obstacles on behalf of the two rows that point nearest to it.
-        places = chosen.azimuth_rad * (sensor.azimuths / (2 * math.pi))
-        self._sides = [np.asarray(side(places), np.int64) % sensor.azimuths for side in (np.floor, np.ceil)]
-        self._in_beam = (elevation > math.radians(-6.0)) & (elevation < math.radians(4.0))
+        self._fan = Fan(sensor, antenna, rays=settings.rays, seed=seed)
         world_elevation = np.linspace(-math.pi / 2, math.pi / 2, len(antenna.elevation_grid_rad))
         gain = np.interp(
             world_elevation - math.radians(sensor.mount_tilt_deg),
@@ -105,14 +90,14 @@ class Tracer:
         max_bounces = self._settings.max_bounces if ghosts else 1
         world = World(self._scene, states, self._sensor.azimuths)
         self._hearing.place(poses)
-        rays = self._first_rays(poses)
+        rays = self._fan.rays(poses)
         heard: list[tuple[ReturnPaths, Heard] | None] = []
         met: list[_Met] = []
         first_m = np.full(self._sensor.azimuths, np.inf, np.float32)
         for depth in range(1, max_bounces + 1):
             hits = self._meet(world, rays)
             if depth == 1:
-                first_m = self._first_obstacle(hits)
+                first_m = self._fan.first_obstacle_m(hits, obstacle=self._obstacle)
             index = dr.compress(hits.active)
             if len(index) == 0:
                 break
@@ -139,42 +124,10 @@ class Tracer:
     ) -> NDArray[np.float32]:
         """Return the share of each row's two-way beam that reaches ranges (azimuths, len(edges_m)).
 
-        edges_m: increasing [m]. Each ray stands for its gain over the density with which it was drawn.
+        edges_m: increasing [m].
         """
-        azimuths = self._sensor.azimuths
-        hits = self._meet(World(self._scene, states, azimuths), self._first_rays(poses))
-        distance_m = np.where(hits.active.numpy(), hits.distance.numpy(), np.inf)
-        weight = np.square(self._gain.numpy().astype(np.float64)) / self._density.numpy()
-        weight /= np.repeat(weight.reshape(azimuths, -1).sum(axis=1), self._settings.rays)
-        cell = self._row.numpy() * np.int64(len(edges_m) + 1) + np.searchsorted(edges_m, distance_m)
-        ended = np.bincount(cell, weight, azimuths * (len(edges_m) + 1)).reshape(azimuths, -1)
-        return np.clip(1 - np.cumsum(ended, axis=1)[:, :-1], 0, 1).astype(np.float32)
-
-    def _first_rays(self, poses: RowPoses) -> Rays:
-        """Point the set of directions along each row's heading from each row's place."""
-        row = self._row
-        cosine = dr.gather(mi.Float64, mi.Float64(np.cos(poses.yaw)), row)
-        sine = dr.gather(mi.Float64, mi.Float64(np.sin(poses.yaw)), row)
-        # Azimuth is clockwise from ahead: aside points right of the heading.
-        x = cosine * self._forward + sine * self._aside
-        y = sine * self._forward - cosine * self._aside
-        origin = mi.Point3d(dr.gather(mi.Vector3d, mi.Float64(poses.position.ravel()), row))
-        direction = mi.Vector3d(x, y, self._up)
-        return Rays(
-            origin=origin,
-            direction=direction,
-            travelled=dr.zeros(mi.Float64, dr.width(row)),
-            weight=dr.full(mi.Float, 1, dr.width(row)),
-            row=row,
-            number=dr.arange(mi.UInt32, dr.width(row)),
-            density=self._density,
-            gain=self._gain,
-            drift=dr.zeros(mi.Float, dr.width(row)),
-            moved=dr.zeros(mi.Bool, dr.width(row)),
-            start=origin,
-            heading=direction,
-            only_targets=dr.full(mi.Bool, True, dr.width(row)),
-        )
+        world = World(self._scene, states, self._sensor.azimuths)
+        return self._fan.clear_share(self._meet(world, self._fan.rays(poses)), edges_m)
 
     def _meet(self, world: World, rays: Rays) -> Hits:
         """Intersect rays with the world as far as the sensor can hear."""
@@ -182,15 +135,6 @@ class Tracer:
         hits = world.meet(rays.origin, rays.direction, rays.row, reach, mi.Bool(reach > 0))
         dr.eval(rays, hits)
         return hits
-
-    def _first_obstacle(self, hits: Hits) -> NDArray[np.float32]:
-        """Return, by row, the distance of the nearest hit in the main beam that is no ground [m]."""
-        counted = self._in_beam & hits.active.numpy() & self._obstacle[hits.instance.numpy()]
-        distance = hits.distance.numpy()[counted].astype(np.float32)
-        first = np.full(self._sensor.azimuths, np.inf, np.float32)
-        for rows in self._sides:
-            np.minimum.at(first, rows[counted], distance)
-        return first
 
     def _loops(
         self, world: World, rays: Rays, hits: Hits, poses: RowPoses, *, depth: int

@@ -129,9 +129,9 @@ def test_what_stands_on_the_vehicle_hides_rain_as_well() -> None:
 def clear_share(*things: Thing, rays: int = 256) -> NDArray[np.float32]:
     """Share of the beam (400, 4000) that gets as far as each decimetre."""
     made = Simulator(world(*things), standing(), seed=4, settings=TraceSettings(rays=rays))
-    states = made._states(made.turn(0), Artefacts())
+    states = made._timeline.states(0, Artefacts())
     return made._tracer.clear_share(
-        made._poses(0, Artefacts()), states, np.arange(4000, dtype=np.float64) * 0.1
+        made._timeline.poses(0, Artefacts()), states, np.arange(4000, dtype=np.float64) * 0.1
     )
 
 
