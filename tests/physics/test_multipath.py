@@ -86,7 +86,7 @@ def test_loop_lies_at_half_the_total_path(law: LawRecorder) -> None:
 
 
 def test_bounce_limit_of_one_removes_every_ghost(law: LawRecorder, yard: Echoes) -> None:
-    first = traced(world(WALL, CAR), floor_db=-30.0, sensor=STEADY, ghosts=False)
+    first = traced(world(WALL, CAR), max_bounces=1, floor_db=-30.0, sensor=STEADY)
     assert (yard.bounces == 3).any()
     direct = yard.select(yard.bounces == 1)
     assert np.array_equal(direct.amplitude, first.amplitude)

@@ -220,6 +220,25 @@ def test_echoes_do_not_depend_on_threads() -> None:
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
 
 
+@pytest.mark.parametrize("limit", [1, 2, 3])
+def test_bounce_limit_leaves_out_the_orders_above_it_and_no_others(limit: int) -> None:
+    # Three mirrors round the radar and a rough plate that faces away from it: paths of every order up to 4.
+    mirrors = [plate([x, y, 5.0], [-x, -y], 60.0, 10.0) for x, y in ((20.0, 0.0), (-15.0, 0.0), (0.0, 12.0))]
+    town = world(
+        *(("metal", "wall", mirror) for mirror in mirrors),
+        ("soil", "car", plate([9.0, 5.0, HEIGHT_M], [1, 0.3], 2.0, 2.0)),
+    )
+    every, fewer = (
+        traced(town, standing(), settings=TraceSettings(rays=64, max_bounces=most)) for most in (4, limit)
+    )
+    assert set(np.unique(every.bounces)) == {1, 2, 3, 4}
+    assert fewer.bounces.max() == limit
+    expected = every.select(every.bounces <= limit)
+    for name in ("row", "range_m", "amplitude", "mean_power", "bounces", "instance"):
+        found, wanted = (np.sort(getattr(echoes, name)) for echoes in (fewer, expected))
+        assert np.array_equal(found, wanted), name
+
+
 def test_empty_world_is_silent() -> None:
     echoes = traced(world(), standing())
     assert len(echoes) == 0
