@@ -1,0 +1,126 @@
+"""De-skewing of matches: a landmark seen by a beam that goes round in a moving car, put back exactly."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.optimize import brentq
+from torch import Tensor
+
+from echoscape.learn.model import Matches
+from echoscape.learn.pose import Motion, rotation_of_yaw
+from echoscape.learn.rolling import Rolling, Twist, at_middle, rolling_motion, twist_between
+
+TURN_S, BETA_S, GAP_S = 0.25, 0.049, 0.25
+
+
+def _pose(velocity: tuple[float, float, float], time_s: float) -> NDArray[np.float64]:
+    """Return the car's place after a time at steady velocities in its own frame, as a 3 x 3 matrix."""
+    forward, right, yaw = velocity
+    return expm(time_s * np.array([[0, -yaw, forward], [yaw, 0, right], [0, 0, 0]]))
+
+
+def _seen(spot: NDArray[np.float64], velocity: tuple[float, float, float]) -> NDArray[np.float64]:
+    """Return where a scan shows a spot (2,) that stands still in the frame of mid-scan."""
+
+    def away(time_s: float) -> NDArray[np.float64]:
+        return (np.linalg.inv(_pose(velocity, time_s)) @ [*spot, 1.0])[:2]
+
+    def late(time_s: float) -> float:
+        """How far the beam is past the spot [rad], no jump within the scan."""
+        beam = (time_s / TURN_S + 0.5) * 2 * math.pi
+        angle = math.atan2(*away(time_s)[::-1]) % (2 * math.pi)
+        return beam - angle
+
+    time_s = brentq(late, -TURN_S / 2, TURN_S / 2, xtol=1e-14)
+    there = away(float(time_s))
+    beam = there / np.hypot(*there)
+    return there - BETA_S * float(beam @ velocity[:2]) * beam
+
+
+def _spots() -> NDArray[np.float64]:
+    """Spots that no car of these tests sees at the seam of the scan, straight ahead."""
+    angle, range_m = np.linspace(0.5, 5.8, 24), np.linspace(15.0, 90.0, 24)
+    return np.stack([range_m * np.cos(angle), range_m * np.sin(angle)], -1)
+
+
+def _tensor(points: NDArray[np.float64]) -> Tensor:
+    return torch.from_numpy(points)[None]
+
+
+VELOCITIES = [(12.0, 0.3, 0.4), (-3.0, 0.0, -0.5), (8.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+
+
+@pytest.mark.parametrize("velocity", VELOCITIES)
+def test_a_spot_is_put_where_it_is_at_mid_scan(velocity: tuple[float, float, float]) -> None:
+    seen = np.stack([_seen(spot, velocity) for spot in _spots()])
+    twist = Twist(velocity_mps=torch.tensor([velocity[:2]]), yaw_rate_rps=torch.tensor([velocity[2]]))
+    rolling = Rolling(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
+    assert_allclose(at_middle(_tensor(seen), twist, rolling)[0], _spots(), atol=1e-6)
+
+
+@given(
+    yaw=st.floats(-1, 1),
+    forward=st.floats(-20, 20),
+    right=st.floats(-3, 3),
+    gap_s=st.sampled_from([-0.5, 0.25]),
+)
+@settings(deadline=None)
+def test_steady_velocities_lead_to_the_motion(yaw: float, forward: float, right: float, gap_s: float) -> None:
+    motion = Motion(
+        rotation=rotation_of_yaw(torch.tensor([yaw], dtype=torch.float64)),
+        translation_m=torch.tensor([[forward, right]], dtype=torch.float64),
+        certain=torch.ones(1, dtype=torch.bool),
+    )
+    twist = twist_between(motion, gap_s)
+    ahead, aside = twist.velocity_mps[0].tolist()
+    pose = _pose((ahead, aside, float(twist.yaw_rate_rps)), gap_s)
+    assert_allclose(pose[:2, 2], [forward, right], atol=1e-6)
+    assert_allclose(pose[:2, :2], motion.rotation[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("velocity", VELOCITIES[:3])
+def test_the_motion_between_rolling_scans_is_exact_at_steady_velocity(
+    velocity: tuple[float, float, float], backwards: bool
+) -> None:
+    later = _pose(velocity, GAP_S)
+    earlier_spots = _spots()
+    later_spots = (np.linalg.inv(later) @ np.c_[earlier_spots, np.ones(24)].T)[:2].T
+    kept = np.abs(np.arctan2(later_spots[:, 1], later_spots[:, 0])) > 0.3
+    earlier = np.stack([_seen(spot, velocity) for spot in earlier_spots[kept]])
+    seen = np.stack([_seen(spot, velocity) for spot in later_spots[kept]])
+    source, destination = (earlier, seen) if backwards else (seen, earlier)
+    weights = torch.ones(1, len(seen), dtype=torch.float64)
+    matches = Matches(source_m=_tensor(source), destination_m=_tensor(destination), weights=weights)
+    rolling = Rolling(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=-GAP_S if backwards else GAP_S)
+    found, expected = rolling_motion(matches, rolling), np.linalg.inv(later) if backwards else later
+    assert_allclose(found.translation_m[0], expected[:2, 2], atol=1e-4)
+    assert_allclose(found.rotation[0], expected[:2, :2], atol=1e-5)
+
+
+def test_points_taken_as_they_are_are_off_where_the_car_turns() -> None:
+    """What de-skewing is for: two scans of a bend, solved without it, are off by more than with it."""
+    velocity = (10.0, 0.0, 0.6)
+    later = _pose(velocity, GAP_S)
+    spots = (np.linalg.inv(later) @ np.c_[_spots(), np.ones(24)].T)[:2].T
+    kept = np.abs(np.arctan2(spots[:, 1], spots[:, 0])) > 0.3
+    matches = Matches(
+        source_m=_tensor(np.stack([_seen(spot, velocity) for spot in spots[kept]])),
+        destination_m=_tensor(np.stack([_seen(spot, velocity) for spot in _spots()[kept]])),
+        weights=torch.ones(1, int(kept.sum()), dtype=torch.float64),
+    )
+    off = torch.linalg.vector_norm(matches.motion().translation_m[0] - torch.from_numpy(later[:2, 2]))
+    assert float(off) > 0.01
+
+
+@pytest.mark.parametrize("wrong", [{"turn_s": 0.0}, {"gap_s": 0.0}, {"doppler_beta_s": math.nan}])
+def test_scans_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=f"{next(iter(wrong))} must"):
+        Rolling(**{"turn_s": TURN_S, "doppler_beta_s": BETA_S, "gap_s": GAP_S, **wrong})
