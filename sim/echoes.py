@@ -25,6 +25,18 @@ class Returns:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Whence echoes were traced: the number of the scan, and the seed of its simulator."""
+
+    scan: int
+    seed: int
+
+    def __str__(self) -> str:
+        """Return it as messages tell it."""
+        return f"scan {self.scan} and seed {self.seed}"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Echoes:
     """E echoes, ordered by return and row, the same for any number of threads.
 
@@ -33,7 +45,7 @@ class Echoes:
     source (E,) uint32: index into `returns`; sidelobe (E,) bool: outside the beam's main lobe;
     closing_mps (E,) float32: radial speed, positive when approaching [m/s].
     Per row, `first_m` (A,) float32: distance of the first thing in the beam that is no ground [m], inf if
-    none.
+    none. origin: None where they were made by hand.
     """
 
     row: NDArray[np.int32]
@@ -45,6 +57,7 @@ class Echoes:
     closing_mps: NDArray[np.float32]
     returns: Returns
     first_m: NDArray[np.float32]
+    origin: Origin | None = None
 
     def __len__(self) -> int:
         """Return the number of echoes."""

@@ -14,7 +14,7 @@ from echoscape.scenes.world import Mover, Town
 from echoscape.sim.artefact_echoes import changed, speckled_grid
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.echoes import Echoes
+from echoscape.sim.echoes import Echoes, Origin
 from echoscape.sim.filters import EchoFilter, selection
 from echoscape.sim.interference import HEARD_M, other_radars
 from echoscape.sim.intersection import World
@@ -106,7 +106,8 @@ class Simulator:
     def _traced(self, index: int, artefacts: Artefacts) -> Echoes:
         """Return the echoes of scan `index` as physics has them, of the paths that `artefacts` lets be."""
         poses, states = self._timeline.poses(index, artefacts), self._timeline.states(index, artefacts)
-        return self._tracer.trace(poses, states, ghosts=artefacts.ghosts > 0)
+        echoes = self._tracer.trace(poses, states, ghosts=artefacts.ghosts > 0)
+        return replace(echoes, origin=Origin(scan=index, seed=self._seed))
 
     def scans(self, index: int, settings: Sequence[Artefacts], *, truth: bool = True) -> list[PolarScan]:
         """Make scan `index` under each of several artefact settings, tracing it once.
@@ -140,7 +141,13 @@ class Simulator:
 
         `only` and `without` leave out echoes by what made them; to ask much of one scan, trace its `echoes`
         once and hand them in. The receiver's draws are the same for all.
+
+        Raises:
+            ValueError: `index` is negative, or `echoes` were traced for another scan or seed.
         """
+        own = Origin(scan=index, seed=self._seed)
+        if echoes is not None and echoes.origin not in (None, own):
+            raise ValueError(f"echoes must be of {own}, got {echoes.origin}")
         chosen = selection(only, without)
         left = chosen.echoes(self.echoes(index) if echoes is None else echoes, self.instance_class)
         artefacts = chosen.artefacts(self.artefacts)

@@ -9,7 +9,7 @@ from echoscape.scenes.targets import Target, with_targets
 from echoscape.scenes.world import CLASSES, Mover, Town
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.echoes import Echoes
+from echoscape.sim.echoes import Echoes, point_echoes
 from echoscape.sim.filters import EchoFilter
 from echoscape.sim.polar_scan import Component
 from echoscape.sim.scan import Simulator
@@ -83,6 +83,19 @@ def test_a_component_left_out_is_its_switch(
     filtered = whole.scan(0, echoes=traced, without=EchoFilter(components=(component,)))
     switched = simulator(street, movers, **{switch: False for switch in switches}).scan(0)
     np.testing.assert_array_equal(filtered.codes, switched.codes)
+
+
+def test_echoes_of_another_scan_or_seed_are_refused(
+    street: Town, movers: tuple[Mover, ...], whole: Simulator, traced: Echoes
+) -> None:
+    with pytest.raises(ValueError, match=r"echoes must be of scan 1 and seed 2, got scan 0 and seed 2"):
+        whole.scan(1, echoes=traced.select(traced.bounces == 1))
+    other = Simulator(street, standing(), movers, seed=3, sensor=STEADY, settings=SETTINGS)
+    with pytest.raises(ValueError, match=r"echoes must be of scan 0 and seed 3, got scan 0 and seed 2"):
+        other.scan(0, echoes=traced)
+    made = point_echoes(row=np.array([5]), range_m=np.array([30.0]), amplitude=np.array([1e-5]), azimuths=400)
+    placed = whole.scan(1, echoes=made)  # whose echoes nobody traced fit any scan
+    assert placed.codes[5].argmax() == pytest.approx(30.0 / STEADY.bin_m, abs=2)
 
 
 def test_every_surface_of_a_path_counts(traced: Echoes, whole: Simulator) -> None:
