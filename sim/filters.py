@@ -6,6 +6,7 @@ out still casts its shadow; `scenes.removal.without` takes a thing out of the wo
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,9 @@ _SWITCHES = {
 class EchoFilter:
     """Names echoes: those that meet every condition given, each by any of its values.
 
-    bounces: orders, 1 direct; components: of `Component`, by number or name; instances, classes: ids of
-    things and names of classes, of any surface on an echo's path, or of the last alone if `last_only`.
+    bounces: orders, 1 direct; components: of `Component`, by number or name, kept as numbers; instances,
+    classes: ids of things and names of classes, of any surface on an echo's path, or of the last alone if
+    `last_only`.
     NOISE, LEAKAGE, SPOKE, RAIN and INTERFERENCE are no echoes of things: a filter of components may name
     them, without other conditions.
     """
@@ -43,21 +45,14 @@ class EchoFilter:
 
     def __post_init__(self) -> None:
         """Refuse what names nothing, naming the argument."""
-        if all(each is None for each in (self.bounces, self.components, self.instances, self.classes)):
+        given = {name: getattr(self, name) for name in ("bounces", "components", "instances", "classes")}
+        if all(values is None for values in given.values()):
             raise ValueError("a filter needs bounces, components, instances or classes")
-        names = [each.name.lower() for each in Component]
-        for component in self.components or ():
-            if str(getattr(component, "name", component)).lower() not in names:
-                raise ValueError(f"components must be among {', '.join(names)}, got {component!r}")
-        for name in self.classes or ():
-            if name not in CLASSES:
-                raise ValueError(f"classes must be among {', '.join(CLASSES)}, got {name!r}")
-        for order in self.bounces or ():
-            if order < 1:
-                raise ValueError(f"bounces must be 1 or more, got {order}")
-        for instance in self.instances or ():
-            if instance < 1:
-                raise ValueError(f"instances must be 1 or more, got {instance}")
+        for name, values in given.items():
+            if values is not None:
+                object.__setattr__(self, name, _checked(name, values))
+        if not isinstance(self.last_only, bool):
+            raise ValueError(f"last_only must be True or False, got {self.last_only!r}")
         others = (self.bounces, self.instances, self.classes)
         if self.receiver_components and any(each is not None for each in others):
             raise ValueError(
@@ -67,8 +62,7 @@ class EchoFilter:
     @property
     def component_set(self) -> frozenset[Component]:
         """The components named."""
-        named = (getattr(each, "name", each) for each in self.components or ())
-        return frozenset(Component[str(name).upper()] for name in named)
+        return frozenset(Component(each) for each in self.components or ())
 
     @property
     def receiver_components(self) -> frozenset[Component]:
@@ -92,6 +86,44 @@ class EchoFilter:
         if self.components is not None:
             found &= np.isin(echo_components(echoes), [int(each) for each in self.component_set])
         return found
+
+
+def _checked(name: str, values: object) -> tuple[Any, ...]:
+    """Return the values of a condition as a tuple.
+
+    Raises:
+        ValueError: they are none, or one of them names nothing.
+    """
+    if not isinstance(values, (tuple, list)):
+        raise ValueError(f"{name} must be a tuple, got {values!r}")
+    check = {"components": _component, "classes": _class_name}.get(name)
+    return tuple(check(value) if check else _whole(name, value) for value in values)
+
+
+def _component(value: object) -> Component:
+    if isinstance(value, str) and value.upper() in Component.__members__:
+        return Component[value.upper()]
+    if _is_whole(value) and value in list(Component):
+        return Component(value)
+    raise ValueError(
+        f"components must be among {', '.join(map(str.lower, Component.__members__))}, got {value!r}"
+    )
+
+
+def _class_name(value: object) -> str:
+    if not isinstance(value, str) or value not in CLASSES:
+        raise ValueError(f"classes must be among {', '.join(CLASSES)}, got {value!r}")
+    return value
+
+
+def _whole(name: str, value: object) -> int:
+    if not _is_whole(value) or value < 1:
+        raise ValueError(f"{name} must be whole numbers of 1 or more, got {value!r}")
+    return int(value)
+
+
+def _is_whole(value: object) -> TypeGuard[int]:
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def echo_components(echoes: Echoes) -> NDArray[np.uint8]:
@@ -127,6 +159,16 @@ class Selection:
 
 
 def selection(only: EchoFilter | None = None, without: EchoFilter | Sequence[EchoFilter] = ()) -> Selection:
-    """Return the selection of one filter to keep and one or several to take out."""
+    """Return the selection of one filter to keep and one or several to take out.
+
+    Raises:
+        ValueError: one of them is no filter; the message names the argument.
+    """
+    if not isinstance(only, EchoFilter | None):
+        raise ValueError(f"only must be an EchoFilter, got {only!r}")
+    if not isinstance(without, (EchoFilter, list, tuple)):
+        raise ValueError(f"without must be an EchoFilter or several, got {without!r}")
     dropped = (without,) if isinstance(without, EchoFilter) else tuple(without)
+    if not all(isinstance(each, EchoFilter) for each in dropped):
+        raise ValueError(f"without must be an EchoFilter or several, got {without!r}")
     return Selection(only=only, without=dropped)

@@ -1,4 +1,6 @@
+import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,7 @@ from echoscape.scenes.world import CLASSES, Mover, Town
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import Echoes, point_echoes
-from echoscape.sim.filters import EchoFilter
+from echoscape.sim.filters import EchoFilter, selection
 from echoscape.sim.polar_scan import Component
 from echoscape.sim.scan import Simulator
 from echoscape.sim.trace_settings import TraceSettings
@@ -169,13 +171,46 @@ def test_static_things_and_targets_can_be_removed(street: Town) -> None:
     ("conditions", "message"),
     [
         ({}, "a filter needs"),
-        ({"bounces": (0,)}, "bounces must be 1 or more, got 0"),
+        ({"bounces": (0,)}, "bounces must be whole numbers of 1 or more, got 0"),
         ({"components": ("echo",)}, "components must be among"),
         ({"classes": ("tree house",)}, "classes must be among"),
-        ({"instances": (0,)}, "instances must be 1 or more"),
+        ({"instances": (0,)}, "instances must be whole numbers of 1 or more, got 0"),
         ({"components": ("noise",), "bounces": (1,)}, "are no echoes"),
+        ({"classes": "van"}, "classes must be a tuple, got 'van'"),
+        ({"classes": (3,)}, "classes must be among .*, got 3"),
+        ({"components": "ghost"}, "components must be a tuple, got 'ghost'"),
+        ({"components": Component.GHOST}, "components must be a tuple, got <Component.GHOST"),
+        ({"components": (8,)}, "components must be among .*, got 8"),
+        ({"components": (True,)}, "components must be among .*, got True"),
+        ({"components": (3.0,)}, "components must be among .*, got 3.0"),
+        ({"components": (Path("noise"),)}, "components must be among"),
+        ({"components": (None,)}, "components must be among .*, got None"),
+        ({"bounces": 1}, "bounces must be a tuple, got 1"),
+        ({"bounces": (1.5,)}, "bounces must be whole numbers of 1 or more, got 1.5"),
+        ({"bounces": (True,)}, "bounces must be whole numbers of 1 or more, got True"),
+        ({"bounces": ("1",)}, "bounces must be whole numbers of 1 or more, got '1'"),
+        ({"instances": (-3,)}, "instances must be whole numbers of 1 or more, got -3"),
+        ({"instances": (math.nan,)}, "instances must be whole numbers of 1 or more, got nan"),
+        ({"instances": "7"}, "instances must be a tuple, got '7'"),
+        ({"bounces": (1,), "last_only": "yes"}, "last_only must be True or False, got 'yes'"),
     ],
 )
 def test_refuses_filters_that_name_nothing(conditions: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         EchoFilter(**conditions)
+
+
+def test_lists_and_numbers_of_components_name_the_same() -> None:
+    listed: Any = {"components": [3, "sidelobe"], "bounces": [np.int64(2)]}
+    given = EchoFilter(**listed)
+    assert given == EchoFilter(components=(Component.GHOST, "SIDELOBE"), bounces=(2,))
+    assert hash(given) == hash(replace(given))
+    assert given.component_set == {Component.GHOST, Component.SIDELOBE}
+
+
+@pytest.mark.parametrize("wrong", ["van", ("van",), 3])
+def test_what_is_no_filter_is_refused_by_name(wrong: Any) -> None:
+    with pytest.raises(ValueError, match="only must be an EchoFilter"):
+        selection(only=wrong)
+    with pytest.raises(ValueError, match="without must be an EchoFilter or several"):
+        selection(without=wrong)
