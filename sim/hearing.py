@@ -2,6 +2,11 @@
 
 A return found by a ray of one row is heard by all rows whose beam covers it. Range and phase are computed
 from each row's own position; a thing's own motion between the rows shifts its range.
+
+Rows are of one turn: across the seam between the last and the first row lie directions that are as near, at
+times almost a turn apart. What a row's main lobe hears there, rays of its own side of the seam found, at its
+own time; its sidelobes hear what rays of the other side found, from where the row's antenna is. Of what
+moved meanwhile, that takes the radial motion alone; what it hides by then is as it was.
 """
 
 import math
@@ -19,8 +24,6 @@ from echoscape.sim.sensor import Sensor
 
 MAIN_ROWS = 3
 """Rows to each side that belong to the main lobe (2.7 deg, -28 dB two-way); beyond them lie sidelobes."""
-SIDE_ROWS = 40
-"""Rows to each side up to which sidelobes of strong returns are heard."""
 _LEVELS = 256
 _LEVEL_DB = 0.5
 
@@ -53,7 +56,8 @@ class Hearing:
     def _rows_by_level(self, antenna: Antenna) -> NDArray[np.int64]:
         """Return how many rows to each side hear a return that is so many levels above the floor."""
         # A return lies up to half a row from the row that points at it.
-        offset = np.maximum(np.arange(SIDE_ROWS + 1) - 0.5, 0) * (2 * math.pi / self._sensor.azimuths)
+        most = (self._sensor.azimuths - 1) // 2  # the whole turn, no row twice
+        offset = np.maximum(np.arange(most + 1) - 0.5, 0) * (2 * math.pi / self._sensor.azimuths)
         gain = np.interp(offset, antenna.azimuth_grid_rad, antenna.azimuth_two_way)
         level = power_ratio(np.arange(_LEVELS) * _LEVEL_DB)
         return np.array([np.flatnonzero(gain * each >= 1).max(initial=0) for each in level])
@@ -66,12 +70,16 @@ class Hearing:
         # The time between two rows enters only through the movers' own motion.
         self._row_s = dr.opaque(mi.Float, poses.row_s)
 
-    def _azimuth_gain(self, towards: "mi.Vector3f", row: "mi.UInt32") -> "mi.Float":
-        """Return the two-way azimuth gain (peak about 1) of a row's beam towards directions (N)."""
+    def _aside(self, towards: "mi.Vector3f", row: "mi.UInt32") -> "mi.Float":
+        """Return how far directions (N) lie to the right of a row's beam, -0.5 to 0.5 [turns]."""
         spacing = 2 * math.pi / self._sensor.azimuths
         heading = dr.gather(mi.Float, self._yaw, row) - mi.Float(row) * spacing
         turns = (heading - dr.atan2(towards.y, towards.x)) * (1 / (2 * math.pi))
-        place = (turns - dr.round(turns) + 0.5) * self._steps
+        return turns - dr.round(turns)
+
+    def _azimuth_gain(self, aside: "mi.Float") -> "mi.Float":
+        """Return the two-way azimuth gain (peak about 1) at offsets (N) of -0.5 to 0.5 [turns]."""
+        place = (aside + 0.5) * self._steps
         index = dr.clip(mi.UInt32(place), 0, self._steps - 1)
         low, high = (dr.gather(mi.Float, self._table, index + k) for k in (0, 1))
         return dr.lerp(low, high, place - mi.Float(index))
@@ -125,17 +133,17 @@ class Hearing:
         azimuths = self._sensor.azimuths
         place = dr.gather(mi.Int32, middle, source) + mi.Int32(offset)
         row = mi.UInt32((place + azimuths) % azimuths)
-        # Rays were drawn for rows that end at the seam between the scan's end and its start.
-        whole = (place >= 0) & (place < azimuths)
         path = picked(paths, source)
         position = mi.Point3d(dr.gather(mi.Vector3d, self._position, row))
         out_m, out32 = _length_and_direction(path.out - position)
-        both = self._azimuth_gain(out32, row)
+        aside = self._aside(out32, row)
+        whole = self._counts(place, row, aside)
+        both = self._azimuth_gain(aside)
         if paths.back is paths.out:
             half, mean32 = out_m, out32
         else:
             back_m, back32 = _length_and_direction(path.back - position)
-            both = dr.sqrt(both * self._azimuth_gain(back32, row))
+            both = dr.sqrt(both * self._azimuth_gain(self._aside(back32, row)))
             half, mean32 = (out_m + back_m) * 0.5, (out32 + back32) * 0.5
         power = path.power * both
         later = (mi.Float(row) - mi.Float(path.row)) * self._row_s
@@ -161,6 +169,21 @@ class Hearing:
             sidelobe=np.abs(offset) > MAIN_ROWS,
             closing_mps=speed,
         )
+
+    def _counts(self, place: "mi.Int32", row: "mi.UInt32", aside: "mi.Float") -> "mi.Bool":
+        """Return whether paths found from rows about `place` (N) are what `row`, that place, hears there.
+
+        Places below 0 or beyond the last row lie across the seam. Rays of both sides reach across it, so each
+        direction counts for a row from one side only: within the row's main lobe, and where it lies on this
+        side of the seam for the row, from this side; else from the other.
+        """
+        azimuths = self._sensor.azimuths
+        rows = aside * azimuths
+        points_at = mi.Float(row) + rows
+        across = (points_at < -0.5) | (points_at >= azimuths - 0.5)
+        other_side = across & (dr.abs(rows) > MAIN_ROWS + 0.5)
+        found_here = (place >= 0) & (place < azimuths)
+        return found_here ^ other_side
 
     def _range_shift(self, row: "mi.UInt32") -> "mi.Float | float":
         """Return the range shift by closing speed [s] of each row."""

@@ -20,7 +20,7 @@ from echoscape.sim.aperture import Aperture, aperture
 from echoscape.sim.backend import dr, mi
 from echoscape.sim.echoes import Returns
 from echoscape.sim.fresnel import permittivity
-from echoscape.sim.hearing import MAIN_ROWS, SIDE_ROWS, Heard
+from echoscape.sim.hearing import MAIN_ROWS, Heard
 from echoscape.sim.intersection import World
 from echoscape.sim.link import link_w_m2
 from echoscape.sim.motion import RowPoses
@@ -114,8 +114,9 @@ class TargetEchoes:
         view = self._view(target, poses)
         beyond = np.abs(view.offset_rad) - np.arctan(target.reach_m / view.range_m)
         main = beyond <= (MAIN_ROWS + 0.5) * self._spacing
-        near = np.flatnonzero(main)
-        aside = np.flatnonzero(~main & (beyond <= (SIDE_ROWS + 0.5) * self._spacing))
+        # A turn to the left may leave it between the last row's main lobe and the first one's.
+        main[np.argmin(beyond)] = True
+        near, aside = np.flatnonzero(main), np.flatnonzero(~main)
         nearest = near[np.argmin(np.abs(near[None] - aside[:, None]), axis=1)]
         heard, knot, paths = [], -1, None
         for row in near.tolist():
