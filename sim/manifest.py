@@ -8,7 +8,6 @@ import importlib.metadata
 import json
 import os
 import platform
-from collections.abc import Iterator
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -100,21 +99,39 @@ def sensor_of(content: dict[str, Any]) -> Sensor:
 
 
 def difference(old: dict[str, Any], new: dict[str, Any]) -> str | None:
-    """Return a sentence on the first entry in which two manifests differ, or None if they are equal."""
-    before, after = dict(_entries(old)), dict(_entries(new))
-    for name in (*after, *before):
-        if before.get(name) != after.get(name):
-            return f"{name.removeprefix('recipe.')} was {before.get(name)!r}, now it is {after.get(name)!r}"
-    return None
+    """Return a sentence on the first entry in which two manifests differ, or None if they are equal.
+
+    Entries of lists are counted from 0: targets[1].position_m[2].
+    """
+    return _difference("", old, new)
 
 
-def _entries(content: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the dotted name and value of every entry that is no dictionary."""
-    if not isinstance(content, dict):
-        yield name, content
-        return
-    for key, value in content.items():
-        yield from _entries(value, f"{name}.{key}" if name else key)
+def _difference(name: str, old: Any, new: Any) -> str | None:
+    """Return the first difference in or below the entry `name`."""
+    if old == new:
+        return None
+    told = name.removeprefix("recipe.")
+    if isinstance(old, dict) and isinstance(new, dict):
+        keys = dict.fromkeys((*new, *old))
+        inner = [(f"{name}.{key}" if name else key, old.get(key), new.get(key)) for key in keys]
+    elif isinstance(old, list) and isinstance(new, list):
+        if len(old) != len(new):
+            return f"{told} had {_count(old)}, now it has {len(new)}"
+        inner = [(f"{name}[{i}]", *pair) for i, pair in enumerate(zip(old, new, strict=True))]
+    else:
+        return f"{told} was {_short(old)}, now it is {_short(new)}"
+    return next(filter(None, (_difference(*entry) for entry in inner)), None)
+
+
+def _count(entries: list[Any]) -> str:
+    return f"{len(entries)} entry" if len(entries) == 1 else f"{len(entries)} entries"
+
+
+def _short(value: Any) -> str:
+    """Return a value for a message; of a table or a list only that it is one."""
+    if isinstance(value, dict):
+        return f"a table of {', '.join(value)}"
+    return f"a list of {_count(value)}" if isinstance(value, list) else repr(value)
 
 
 def _as_tuples(value: Any) -> Any:

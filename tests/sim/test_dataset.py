@@ -8,18 +8,20 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from echoscape.scenes.targets import Target
 from echoscape.scenes.traffic import TrafficSettings
 from echoscape.sim import stage
 from echoscape.sim.crew import CrewError
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.dataset import write_dataset
-from echoscape.sim.manifest import read_manifest, sensor_of
+from echoscape.sim.manifest import difference, manifest, read_manifest, sensor_of
 from echoscape.sim.oxford import read_odometry, read_png, read_timestamps
 from echoscape.sim.recipe import Recipe
 from echoscape.sim.trace_settings import TraceSettings
@@ -189,6 +191,23 @@ def test_other_recipe_is_not_resumed_and_the_setting_is_named(made: Path) -> Non
     with pytest.raises(DatasetError, match=r"trace\.rays was 16, now it is 25"):
         write_dataset(made, other, resume=True)
     assert _bytes(made) == before
+
+
+def test_of_lists_the_first_entry_and_field_that_differ_are_named() -> None:
+    near = Target(kind="sphere", position_m=(20.0, 1.0, 2.0), size_m=(0.3,))
+    far = Target(kind="point", position_m=(60.0, 0.0, 2.0))
+    moved = replace(far, position_m=(60.0, 0.5, 2.0))
+
+    def told(before: tuple[Target, ...], after: tuple[Target, ...]) -> str | None:
+        return difference(*(manifest(replace(RECIPE, targets=each)) for each in (before, after)))
+
+    assert told((near, far), (near, moved)) == "targets[1].position_m[1] was 0.0, now it is 0.5"
+    assert told((near, far), (replace(near, kind="point", size_m=()), far)) == (
+        "targets[0].kind was 'sphere', now it is 'point'"
+    )
+    assert told((near,), (near, far, moved)) == "targets had 1 entry, now it has 3"
+    assert told((near, far), ()) == "targets had 2 entries, now it has 0"
+    assert told((near, far), (near, far)) is None
 
 
 def test_full_folder_is_refused_and_left_alone(tmp_path: Path) -> None:
