@@ -13,7 +13,7 @@ import torch
 from benchmarks.machine import description
 from benchmarks.training_step import medians
 from echoscape.learn.image import ImageSettings, Projector, range_cells
-from echoscape.learn.inference import Estimator
+from echoscape.learn.inference import Estimator, Solving
 from echoscape.learn.model import Matching, ModelSettings
 from echoscape.learn.train import initial_model
 from echoscape.sim.cts350x import CTS350X
@@ -22,10 +22,10 @@ from echoscape.sim.heap import keep_freed_memory
 DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 
 
-def measure(size: int, matching: Matching, repeats: int) -> None:
+def measure(size: int, solving: Solving, repeats: int) -> None:
     """Print what each part takes at one size."""
     image = ImageSettings(size=size, pixel_m=0.6912 * 320 / size)
-    estimator = Estimator(initial_model(ModelSettings(image=image), seed=1), matching)
+    estimator = Estimator(initial_model(ModelSettings(image=image), seed=1), solving)
     shape = (CTS350X.azimuths, CTS350X.bins)
     codes, bin_m = np.random.default_rng(1).integers(0, 120, shape, np.uint8), CTS350X.bin_m
     scan, projector = estimator.features(codes, bin_m), Projector(image, len(codes))
@@ -51,12 +51,14 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--stride", type=int, default=1)
     parser.add_argument("--products", choices=DTYPES, default="float32")
+    parser.add_argument("--network", choices=DTYPES, default="float32")
     options = parser.parse_args()
     keep_freed_memory()
     torch.set_num_threads(options.threads)
     print(f"{description()}, torch {torch.__version__}, {options.threads} thread(s)")
     for size in options.sizes:
-        measure(size, Matching(stride=options.stride, dtype=DTYPES[options.products]), options.repeats)
+        matching = Matching(stride=options.stride, dtype=DTYPES[options.products])
+        measure(size, Solving(matching=matching, network=DTYPES[options.network]), options.repeats)
 
 
 if __name__ == "__main__":

@@ -35,6 +35,9 @@ class Options:
     """learned: keypoints; fourier: phase correlation, which needs no weights."""
     weights: Path | None = None
     """Weights of the learned method; by default those that came with the package."""
+    compensate: bool = False
+    """Move keypoints to mid-scan and undo their Doppler shifts, at the velocity that each pair tells, before
+    its pose is solved. Learned method only."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -64,6 +67,8 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
 
     if options.weights is not None and options.method != "learned":
         raise ValueError(f"--weights go with --method learned only, got --method {options.method}")
+    if options.compensate and options.method != "learned":
+        raise ValueError(f"--compensate goes with --method learned only, got --method {options.method}")
     folder = open_folder(options.data)
     check_out(options.out)
     estimator = _estimator(options, folder)
@@ -83,7 +88,9 @@ def _estimator(options: Options, folder: "ScanFolder") -> "Estimator[Any]":
         return FourierOdometry(range_offset_m=folder.range_offset_m)
     from echoscape.eval.learned import learned_odometry
 
-    return learned_odometry(options.weights, range_offset_m=folder.range_offset_m)
+    # Sweeps that alternate shift every other row the other way: on average not at all.
+    shift_s = -float(folder.sensor.doppler_shift_s.mean()) if options.compensate else None
+    return learned_odometry(options.weights, range_offset_m=folder.range_offset_m, doppler_beta_s=shift_s)
 
 
 def _table(figures: "dict[str, Any]") -> Table:

@@ -5,7 +5,7 @@ Source: Barnes & Posner 2020, sections III-C and III-D. Batch normalisation is f
 
 import copy
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -16,16 +16,33 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 from echoscape.learn.augment import PlaneMotion
 from echoscape.learn.image import Projector, range_cells
 from echoscape.learn.keypoints import Keypoints
-from echoscape.learn.model import Features, KeypointModel, Matches, Matching
-from echoscape.learn.pose import Motion, rotation_of_yaw
+from echoscape.learn.model import Features, KeypointModel, Matching
+from echoscape.learn.pose import Motion, residuals_m, rotation_of_yaw
+from echoscape.learn.rolling import Rolling, solved
+
+_SCALE_PX = 1.5
+"""How far off a match may be before it counts as wrong; about what matches of trained models scatter by."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScanFeatures:
-    """What is kept of a scan: `plain` as it is seen, and its keypoints seen at each further heading."""
+    """What is kept of a scan: what the network says of it, and its range cells (azimuths, cells) uint8."""
 
     plain: Features
-    turned: tuple[Keypoints, ...]
+    cells: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solving:
+    """How a motion is made of matches.
+
+    robust: whether matches that disagree with the others are weighed down, rather than least squares of all;
+    matching: how matches are searched for; network: number format of the convolutions.
+    """
+
+    robust: bool = True
+    matching: Matching = field(default_factory=Matching)
+    network: torch.dtype = torch.float32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +50,7 @@ class PairEstimate:
     """The motion T_destination_source of a pair and the matches behind it.
 
     source_m, destination_m: (N, 2) float32 forward, right [m]; weights: (N,) float32; certain: whether the
-    matches determine the rotation.
+    matches determine the rotation; agreement: the weight of the matches that the motion explains.
     """
 
     motion: PlaneMotion
@@ -41,15 +58,16 @@ class PairEstimate:
     destination_m: NDArray[np.float32]
     weights: NDArray[np.float32]
     certain: bool
+    agreement: float
 
 
 class Estimator:
     """A model that takes scans."""
 
-    def __init__(self, model: KeypointModel, matching: Matching | None = None) -> None:
-        """Take a copy of the model, made faster for inference; matching: at every pixel unless given."""
+    def __init__(self, model: KeypointModel, solving: Solving | None = None) -> None:
+        """Take a copy of the model, made faster for inference."""
         self.model = folded(model)
-        self.matching = matching or Matching()
+        self.solving = solving or Solving()
         self._projectors: dict[int, Projector] = {}
 
     @torch.inference_mode()
@@ -61,30 +79,39 @@ class Estimator:
         Raises:
             ValueError: `codes` is no scan, or `bin_m` no length.
         """
-        image = self.model.settings.image
-        cells = range_cells(codes, bin_m, image, range_offset_m=range_offset_m)
-        projector = self._projectors.setdefault(len(cells), Projector(image, len(cells)))
-        plain = self.model.features(projector.image(cells)[None])
-        turned = [
-            self.model.features(projector.image(cells, turn_rad=turn)[None]).keypoints
-            for turn in self._turns_rad()
-        ]
-        return ScanFeatures(plain=plain, turned=tuple(turned))
+        cells = range_cells(codes, bin_m, self.model.settings.image, range_offset_m=range_offset_m)
+        return ScanFeatures(plain=self._seen(cells, 0.0), cells=cells)
 
     @torch.inference_mode()
-    def estimate(self, source: ScanFeatures, destination: ScanFeatures) -> PairEstimate:
-        """Return the motion T_destination_source; of several headings the one whose weights sum to most."""
-        found = [self._matches(source.plain.keypoints, destination, 0.0)]
-        for keypoints, turn in zip(source.turned, self._turns_rad(), strict=True):
-            found.append(self._matches(keypoints, destination, turn))
-        best = max(found, key=lambda each: float(each.weights.sum()))
-        motion = best.motion()
-        return PairEstimate(
-            motion=_plane(motion),
-            source_m=best.source_m[0].numpy(),
-            destination_m=best.destination_m[0].numpy(),
-            weights=best.weights[0].numpy(),
-            certain=bool(motion.certain),
+    def estimate(
+        self, source: ScanFeatures, destination: ScanFeatures, rolling: Rolling | None = None
+    ) -> PairEstimate:
+        """Return the motion T_destination_source of scans whose headings differ by less than some 20 deg.
+
+        rolling: how the scans rolled, for the motion from mid-scan to mid-scan of a car that is not slow;
+        without it points count as if they had all been seen at once.
+        """
+        return self._estimate(source.plain.keypoints, destination, 0.0, rolling)
+
+    @torch.inference_mode()
+    def estimate_any_heading(
+        self, source: ScanFeatures, destination: ScanFeatures, *, headings: int = 16
+    ) -> PairEstimate:
+        """Return the motion T_destination_source of scans with any headings.
+
+        The source's picture is turned to `headings` headings, evenly around; the motion whose matches agree
+        most wins, and is refined with the picture turned to the heading that it tells.
+
+        Raises:
+            ValueError: `headings` is below 1.
+        """
+        if headings < 1:
+            raise ValueError(f"headings must be 1 or more, got {headings}")
+        turns = [2 * math.pi * number / headings for number in range(headings)]
+        tried = [self._turned(source, destination, turn) for turn in turns]
+        best = max(tried, key=lambda each: each.agreement)
+        return max(
+            self._turned(source, destination, best.motion.yaw_rad), best, key=lambda each: each.agreement
         )
 
     @torch.inference_mode()
@@ -92,19 +119,35 @@ class Estimator:
         """Return the description (248,) float32 of the scan's place."""
         return self.model.embedding(scan.plain)[0].numpy()
 
-    def _turns_rad(self) -> list[float]:
-        count = self.model.settings.headings
-        return [2 * math.pi * number / count for number in range(1, count)]
+    def _seen(self, cells: NDArray[np.uint8], turn_rad: float) -> Features:
+        """Return what the network says of range cells, once their picture is turned."""
+        projector = self._projectors.setdefault(len(cells), Projector(self.model.settings.image, len(cells)))
+        picture = projector.image(cells, turn_rad=turn_rad)[None]
+        with torch.autocast("cpu", self.solving.network, enabled=self.solving.network != torch.float32):
+            return self.model.features(picture)
 
-    def _matches(self, keypoints: Keypoints, destination: ScanFeatures, turn_rad: float) -> Matches:
-        """Match keypoints that were seen after the picture was turned, and turn them back."""
+    def _turned(self, source: ScanFeatures, destination: ScanFeatures, turn_rad: float) -> PairEstimate:
+        keypoints = self._seen(source.cells, turn_rad).keypoints if turn_rad else source.plain.keypoints
+        return self._estimate(keypoints, destination, turn_rad, None)
+
+    def _estimate(
+        self, keypoints: Keypoints, destination: ScanFeatures, turn_rad: float, rolling: Rolling | None
+    ) -> PairEstimate:
+        """Match keypoints that were seen after the picture was turned, turn them back, and solve."""
         into = destination.plain
-        found = self.model.matches(keypoints, into.maps, into.scores, self.matching)
+        found = self.model.matches(keypoints, into.maps, into.scores, self.solving.matching)
         back = rotation_of_yaw(torch.tensor([-turn_rad]))
-        return Matches(
-            source_m=found.source_m @ back.transpose(1, 2),
-            destination_m=found.destination_m,
-            weights=found.weights,
+        found = replace(found, source_m=found.source_m @ back.transpose(1, 2))
+        scale_m = _SCALE_PX * self.model.settings.image.pixel_m
+        motion, found = solved(found, scale_m=scale_m if self.solving.robust else None, rolling=rolling)
+        off = residuals_m(found.source_m, found.destination_m, motion) / scale_m
+        return PairEstimate(
+            motion=_plane(motion),
+            source_m=found.source_m[0].numpy(),
+            destination_m=found.destination_m[0].numpy(),
+            weights=found.weights[0].numpy(),
+            certain=bool(motion.certain),
+            agreement=float((found.weights * torch.exp(-0.5 * off**2)).sum()),
         )
 
 

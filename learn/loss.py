@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from echoscape.learn.model import Matches
-from echoscape.learn.pose import Motion
+from echoscape.learn.pose import Motion, residuals_m
 
 ALPHA_M = 10.0
 """Weight of the rotation's error [m]."""
@@ -34,8 +34,7 @@ def match_loss(matches: Matches, truth: Motion, *, reach_m: float) -> Tensor:
     sum v min(e, reach_m), whose slopes go into the weights alone: matches gone astray pull their places back
     with full force, but teach the weights no more than a bounded lesson.
     """
-    moved = matches.source_m @ truth.rotation.transpose(1, 2) + truth.translation_m[:, None]
-    distance_m = torch.linalg.vector_norm(matches.destination_m - moved, dim=-1)
+    distance_m = residuals_m(matches.source_m, matches.destination_m, truth)
     share = matches.weights / matches.weights.sum(1, keepdim=True).clamp(min=_SMALLEST_WEIGHT)
     places = (share.detach() * distance_m).sum(1)
     return places + (share * distance_m.detach().clamp(max=reach_m)).sum(1)

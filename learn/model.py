@@ -24,8 +24,7 @@ class ModelSettings:
     """What makes a model what it is, stored with its weights.
 
     image: how scans become pictures; cells: a side, each with one keypoint; temperature: T of the matching
-    softmax; location_head, score_head: without, keypoints are the cells' middles, and all scores are 1;
-    headings: turns of the source that inference tries, evenly around, to find the one that matches best.
+    softmax; location_head, score_head: without, keypoints are the cells' middles, and all scores are 1.
     """
 
     image: ImageSettings = field(default_factory=ImageSettings)
@@ -33,7 +32,6 @@ class ModelSettings:
     temperature: float = 100.0
     location_head: bool = True
     score_head: bool = True
-    headings: int = 1
 
     def __post_init__(self) -> None:
         if self.cells < 2 or self.image.size % self.cells:
@@ -42,8 +40,6 @@ class ModelSettings:
             )
         if not 0 < self.temperature < float("inf"):
             raise ValueError(f"temperature must be finite and above 0, got {self.temperature}")
-        if not 1 <= self.headings <= 360:
-            raise ValueError(f"headings must be from 1 to 360, got {self.headings}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,6 +56,28 @@ def motion_of_matches(source_m: Tensor, destination_m: Tensor, weights: Tensor) 
     return Motion(rotation=rotation, translation_m=destination_mean - moved_mean, certain=certain)
 
 
+def robust_motion(source_m: Tensor, destination_m: Tensor, weights: Tensor, *, scale_m: float) -> Motion:
+    """Return the motion that fits matches (see `motion_of_matches`) of which some are wrong.
+
+    Iteratively reweighted least squares with the Geman-McClure weight 1 / (1 + e^2 / c^2)^2 of a match that
+    is e off; c begins at 32 scale_m and is halved down to scale_m (graduated non-convexity, Yang et al.,
+    RA-L 2020), so that a few wrong ones in one place do not hold the first answer. `certain` is that of the
+    matches as they were given.
+    """
+    motion = motion_of_matches(source_m, destination_m, weights)
+    certain = motion.certain
+    for part in (32, 16, 8, 4, 2, 1, 1, 1):
+        off = residuals_m(source_m, destination_m, motion) / (part * scale_m)
+        motion = motion_of_matches(source_m, destination_m, weights / (1 + off**2) ** 2)
+    return Motion(rotation=motion.rotation, translation_m=motion.translation_m, certain=certain)
+
+
+def residuals_m(source_m: Tensor, destination_m: Tensor, motion: Motion) -> Tensor:
+    """Return (B, N) [m]: how far each destination is from where the motion takes its source."""
+    moved = source_m @ motion.rotation.transpose(1, 2) + motion.translation_m[:, None]
+    return torch.linalg.vector_norm(destination_m - moved, dim=-1)
+
+
 def rotation_of_yaw(yaw_rad: Tensor) -> Tensor:
     """Return (B, 2, 2) rotations by (B,) angles, clockwise from forward to right [rad]."""
     cosine, sine = yaw_rad.cos(), yaw_rad.sin()

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from echoscape.learn.model import Matches
-from echoscape.learn.pose import Motion
+from echoscape.learn.pose import Motion, robust_motion
 
 _ROUNDS = 3
 
@@ -41,7 +41,7 @@ class Rolling:
 
 @dataclass(frozen=True, kw_only=True)
 class Twist:
-    """Steady velocities of B cars in their own frames: (B, 2) forward, right [m/s]; (B,) clockwise [rad/s]."""
+    """Velocities of B cars in their own frames: (B, 2) forward, right [m/s], (B,) clockwise [rad/s]."""
 
     velocity_mps: Tensor
     yaw_rate_rps: Tensor
@@ -63,7 +63,7 @@ def twist_between(motion: Motion, gap_s: float) -> Twist:
 
 
 def at_middle(points_m: Tensor, twist: Twist, rolling: Rolling) -> Tensor:
-    """Return points (B, N, 2) forward, right [m], each seen when the beam met it, in the frame of mid-scan."""
+    """Return points (B, N, 2) forward, right [m], each seen as the beam met it, in the frame of mid-scan."""
     range_m = torch.linalg.vector_norm(points_m, dim=-1, keepdim=True)
     beam = points_m / range_m.clamp(min=1e-6)
     closing_mps = (beam * twist.velocity_mps[:, None]).sum(-1, keepdim=True)
@@ -76,21 +76,29 @@ def at_middle(points_m: Tensor, twist: Twist, rolling: Rolling) -> Tensor:
     return moved + torch.stack([cosine * forward - sine * right, sine * forward + cosine * right], -1)
 
 
-def rolling_motion(matches: Matches, rolling: Rolling) -> Motion:
-    """Return the motion of matches between scans that both rolled, mid-scan to mid-scan.
+def solved(
+    matches: Matches, *, scale_m: float | None = None, rolling: Rolling | None = None
+) -> tuple[Motion, Matches]:
+    """Return the motion of matches, and the matches with their points at mid-scan.
 
-    The first motion, of points as they are, gives the velocities; those move the points, and so on, thrice:
-    each round leaves about a thousandth of the error before it.
+    scale_m: of `robust_motion`; None for least squares of all. With `rolling`, the motion of points as they
+    are gives the velocities; those move the points, and so on, thrice: each round leaves about a thousandth
+    of the error before it. Without it, points are taken as they are.
     """
-    motion = matches.motion()
-    for _ in range(_ROUNDS):
+    moved, motion = matches, _motion(matches, scale_m)
+    for _ in range(_ROUNDS if rolling is not None else 0):
+        assert rolling is not None
         twist = twist_between(motion, rolling.gap_s)
-        motion = Matches(
-            source_m=at_middle(matches.source_m, twist, rolling),
-            destination_m=at_middle(matches.destination_m, twist, rolling),
-            weights=matches.weights,
-        ).motion()
-    return motion
+        places = [at_middle(each, twist, rolling) for each in (matches.source_m, matches.destination_m)]
+        moved = Matches(source_m=places[0], destination_m=places[1], weights=matches.weights)
+        motion = _motion(moved, scale_m)
+    return motion, moved
+
+
+def _motion(matches: Matches, scale_m: float | None) -> Motion:
+    if scale_m is None:
+        return matches.motion()
+    return robust_motion(matches.source_m, matches.destination_m, matches.weights, scale_m=scale_m)
 
 
 def _moved(twist: Twist, time_s: Tensor) -> tuple[Tensor, Tensor]:

@@ -111,20 +111,20 @@ def test_a_scan_matched_with_itself_has_not_moved() -> None:
 
 
 def test_headings_find_a_source_that_was_turned() -> None:
-    settings = ModelSettings(
-        image=SETTINGS.image, temperature=3000.0, location_head=False, score_head=False, headings=4
-    )
+    settings = ModelSettings(image=SETTINGS.image, temperature=3000.0, location_head=False, score_head=False)
     estimator = Estimator(_used_to(_codes(), settings))
     codes = _codes()
     source, destination = (estimator.features(each, BIN_M) for each in (np.roll(codes, -100, 0), codes))
-    found = estimator.estimate(source, destination).motion
+    found = estimator.estimate_any_heading(source, destination, headings=4).motion
     # What stood right (row 100) stands ahead: the car has turned right by a quarter.
     assert_allclose([found.x_m, found.y_m, found.yaw_rad], [0, 0, math.pi / 2], atol=0.03 * PIXEL_M)
+    with pytest.raises(ValueError, match="headings must be 1 or more, got 0"):
+        estimator.estimate_any_heading(source, destination, headings=0)
 
 
 @pytest.mark.parametrize(
     ("wrong", "told"),
-    [({"cells": 7}, "cells"), ({"temperature": 0.0}, "temperature"), ({"headings": 0}, "headings")],
+    [({"cells": 7}, "cells"), ({"temperature": 0.0}, "temperature")],
 )
 def test_settings_that_make_no_model_are_refused(wrong: dict, told: str) -> None:
     with pytest.raises(ValueError, match=f"{told} must"):

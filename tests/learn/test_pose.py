@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from torch import Tensor
 
 from echoscape.learn.loss import pose_errors, pose_loss
-from echoscape.learn.pose import Motion, motion_of_matches, rotation_of_yaw
+from echoscape.learn.pose import Motion, motion_of_matches, robust_motion, rotation_of_yaw
 
 
 def _motion(yaw: float, shift: tuple[float, float]) -> Motion:
@@ -129,3 +129,39 @@ def test_loss_has_no_gradient_at_the_truth_and_no_nan() -> None:
     at = Motion(rotation=rotation_of_yaw(yaw), translation_m=yaw.new_zeros(1, 2), certain=torch.ones(1) > 0)
     (slope,) = torch.autograd.grad(pose_loss(at, at).sum(), yaw)
     assert bool(slope.isfinite())
+
+
+# ---------------------------------------------------------------------- wrong matches
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_third_of_wrong_matches_does_not_move_the_robust_motion(seed: int) -> None:
+    source, noise, weights = _drawn(seed, count=90)
+    truth = _motion(0.2, (4.0, -1.0))
+    destination = source @ truth.rotation.transpose(1, 2) + truth.translation_m
+    wrong = torch.arange(90) % 3 == 0
+    destination[:, wrong] += noise[:, wrong] + 20
+    least_squares = motion_of_matches(source, destination, weights)
+    assert float(pose_errors(least_squares, truth)[0]) > 1
+    found = robust_motion(source, destination, weights, scale_m=0.5)
+    shift, turn = pose_errors(found, truth)
+    assert float(shift) < 0.02
+    assert float(turn) < 0.001
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_where_no_match_is_wrong_both_agree(seed: int) -> None:
+    source, noise, weights = _drawn(seed)
+    truth = _motion(-0.4, (1.0, 2.0))
+    destination = source @ truth.rotation.transpose(1, 2) + truth.translation_m + 1e-4 * noise
+    found = robust_motion(source, destination, weights, scale_m=1.0)
+    expected = motion_of_matches(source, destination, weights)
+    assert_allclose(found.translation_m, expected.translation_m, atol=1e-4)
+    assert_allclose(found.rotation, expected.rotation, atol=1e-5)
+
+
+def test_robust_motion_tells_uncertain_sets_as_least_squares_do() -> None:
+    points = torch.ones(1, 5, 2, dtype=torch.float64)
+    found = robust_motion(points, points, torch.ones(1, 5, dtype=torch.float64), scale_m=1.0)
+    assert not bool(found.certain)
+    assert bool(found.rotation.isfinite().all())
