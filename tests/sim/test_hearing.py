@@ -1,4 +1,4 @@
-"""Laws of what a row hears beside its beam: rings of sidelobes go round the whole turn, also across the seam."""
+"""Laws of what a row hears beside its beam: rings of sidelobes go round the turn, across the seam too."""
 
 import math
 from dataclasses import replace
