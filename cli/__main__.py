@@ -1,9 +1,13 @@
 """The `echoscape` command: finds the subcommand and imports that one only, so that help comes at once."""
 
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
+
+_UNREAD = 128 + 13
+"""What shells say of a command that SIGPIPE ended."""
 
 COMMANDS = {
     "simulate": "make a dataset: a town, a drive through it, its radar scans and their truth",
@@ -19,8 +23,27 @@ COMMANDS = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return the exit code: 0 done, 1 failed, 2 wrong arguments, 130 interrupted."""
+    """Run the command line and return the exit code.
+
+    0 done, 1 failed, 2 wrong arguments, 130 interrupted, 141 nobody reads the output any more.
+    """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        try:
+            return _main(words)
+        finally:
+            sys.stdout.flush()  # while it can still be told that nobody reads it
+    except BrokenPipeError:
+        if not _unread():
+            raise
+    except SystemExit as leaving:
+        if not isinstance(leaving.__context__, BrokenPipeError):  # as rich does, and `cli.parsing`
+            raise
+    _silence()
+    return _UNREAD
+
+
+def _main(words: list[str]) -> int:
     if words[:1] in (["--help"], ["-h"], []):
         print(_help())
         return 0 if words else 2
@@ -31,6 +54,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"echoscape: no command {words[0]!r}; there is {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
     return _run(words[0], words[1:])
+
+
+def _unread() -> bool:
+    """Whether it is the standard output that nobody reads: an empty line cannot be written to it either."""
+    try:
+        print(flush=True)
+    except BrokenPipeError:
+        return True
+    return False
+
+
+def _silence() -> None:
+    """Lead the standard output nowhere, so that Python does not complain of what is left when it ends."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
 
 
 def _run(command: str, words: list[str]) -> int:

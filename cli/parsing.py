@@ -32,7 +32,10 @@ def parsed(
         ArgumentsError: an argument is unknown, unreadable or refused by the settings.
     """
     if {"-h", "--help"} & set(arguments):
-        return cast("Settings", tyro.cli(kind, prog=prog, args=list(arguments), default=default))
+        try:
+            return cast("Settings", tyro.cli(kind, prog=prog, args=list(arguments), default=default))
+        except BrokenPipeError as error:  # nobody reads the help: no fault of a file that commands tell of
+            raise SystemExit(1) from error
     told = io.StringIO()
     try:
         with redirect_stderr(told), patch.dict(os.environ, _WIDE):
