@@ -38,6 +38,9 @@ class Options:
     compensate: bool = False
     """Move keypoints to mid-scan and undo their Doppler shifts, at the velocity that each pair tells, before
     its pose is solved. Learned method only."""
+    any_heading: int = 0
+    """Pairs of scans of one place, turned to any heading, to find as loop closure must, besides; the figures
+    go into metrics.json. Learned method only."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -69,15 +72,33 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
         raise ValueError(f"--weights go with --method learned only, got --method {options.method}")
     if options.compensate and options.method != "learned":
         raise ValueError(f"--compensate goes with --method learned only, got --method {options.method}")
+    if options.any_heading < 0:
+        raise ValueError(f"--any-heading must be 0 or more, got {options.any_heading}")
+    if options.any_heading and options.method != "learned":
+        raise ValueError(f"--any-heading goes with --method learned only, got --method {options.method}")
     folder = open_folder(options.data)
     check_out(options.out)
     estimator = _estimator(options, folder)
     with Stages(Console(stderr=True)) as stages:
         found = run_odometry(folder, estimator, progress=stages.report)
+        more = _any_heading(options, folder, estimator, stages)
         stages.report("report", 0, 1)
-        paths = write_odometry_report(options.out, found, folder, estimator)
+        paths = write_odometry_report(options.out, found, folder, estimator, more)
         stages.report("report", 1, 1)
-    return found, metrics(found), paths
+    return found, {**metrics(found), **more}, paths
+
+
+def _any_heading(
+    options: Options, folder: "ScanFolder", estimator: "Estimator[Any]", stages: Stages
+) -> "dict[str, Any]":
+    """Return the figures of turned pairs under `any_heading`, or nothing where they are not asked for."""
+    from echoscape.eval.any_heading import any_heading
+    from echoscape.eval.learned import LearnedOdometry
+
+    if not (options.any_heading and isinstance(estimator, LearnedOdometry)):
+        return {}
+    figures = any_heading(folder, estimator.estimator, pairs=options.any_heading, progress=stages.report)
+    return {"any_heading": figures}
 
 
 def _estimator(options: Options, folder: "ScanFolder") -> "Estimator[Any]":
@@ -112,6 +133,10 @@ def _table(figures: "dict[str, Any]") -> Table:
         table.add_row("drift", f"{figures['translation_percent']:.2f} %, {degrees:.3f} deg a 100 m")
     elif figures["judged"]:
         table.add_row("drift", f"unknown: {figures['way_m']:.0f} m hold no segment of 100 m")
+    if "any_heading" in figures:
+        turned = figures["any_heading"]
+        shares = f"{100 * turned['within']:.0f} %, {100 * turned['plain_within']:.0f} % without hypotheses"
+        table.add_row("any heading", f"{shares}, of {turned['pairs']} within 0.5 m and 1 deg")
     if figures["hz"] is not None:
         table.add_row("speed", f"{figures['hz']:.2f} pairs a second")
     return table

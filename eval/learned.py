@@ -42,7 +42,7 @@ class LearnedOdometry:
         which what approaches appears too near, by its speed [m per m/s], to move points to mid-scan and rid
         them of Doppler shifts before the pose is solved (`learn.rolling`); None takes points as they are.
         """
-        self._estimator = estimator
+        self.estimator = estimator
         self._range_offset_m, self._doppler_beta_s = range_offset_m, doppler_beta_s
 
     @property
@@ -52,7 +52,7 @@ class LearnedOdometry:
 
     def features(self, scan: PolarScan) -> TimedFeatures:
         """Return the scan's keypoints and maps."""
-        found = self._estimator.features(scan.codes, scan.bin_m, range_offset_m=self._range_offset_m)
+        found = self.estimator.features(scan.codes, scan.bin_m, range_offset_m=self._range_offset_m)
         first, last = (int(scan.timestamp_us[row]) for row in (0, -1))
         rows = len(scan.timestamp_us)
         return TimedFeatures(
@@ -67,7 +67,7 @@ class LearnedOdometry:
         Raises:
             PairFailed: the matches do not determine the rotation, or the times are none to compensate by.
         """
-        found = self._estimator.estimate(later.features, earlier.features, self._rolling(earlier, later))
+        found = self.estimator.estimate(later.features, earlier.features, self._rolling(earlier, later))
         if not found.certain:
             raise PairFailed("the matches leave the rotation open: no weight, or all in one place")
         return PairMotion(

@@ -5,7 +5,9 @@ written; metrics.json comes last, so that a folder which has it is whole.
 """
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,9 +27,15 @@ _SHOWN = 0.9
 
 
 def write_odometry_report(
-    out: Path, odometry: Odometry, folder: ScanFolder, estimator: Estimator[Features]
+    out: Path,
+    odometry: Odometry,
+    folder: ScanFolder,
+    estimator: Estimator[Features],
+    more: Mapping[str, Any] | None = None,
 ) -> tuple[Path, ...]:
     """Write everything to the folder `out`, which is made where it is not; return the files.
+
+    more: figures that go into metrics.json beside those of the odometry.
 
     Raises:
         DatasetError: the scans of the pair to draw can no longer be read.
@@ -36,7 +44,7 @@ def write_odometry_report(
     files = report_files(odometry)
     if (picture := _matches(odometry, folder, estimator)) is not None:
         files["matches.png"] = picture
-    figures = (json.dumps(metrics(odometry), indent=1, allow_nan=False) + "\n").encode()
+    figures = (json.dumps({**metrics(odometry), **(more or {})}, indent=1, allow_nan=False) + "\n").encode()
     out.mkdir(parents=True, exist_ok=True)
     for name in (METRICS, *_OPTIONAL):  # of a run before, which may have had what this one has not
         (out / name).unlink(missing_ok=True)
