@@ -27,6 +27,15 @@ def archive_bytes(arrays: Mapping[str, NDArray], *, level: int) -> bytes:
     return archive.getvalue()
 
 
+def ends_as_archive(path: Path) -> bool:
+    """Whether a file is there and has an archive's directory, which is its end; the rest is not read."""
+    try:
+        with zipfile.ZipFile(path):
+            return True
+    except (FileNotFoundError, zipfile.BadZipFile):
+        return False
+
+
 def read_archive(path: Path, names: tuple[str, ...], *, kind: str) -> dict[str, NDArray]:
     """Read only the arrays `names` from the archive in `path`; the rest is not unpacked.
 

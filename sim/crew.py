@@ -21,9 +21,11 @@ import numpy as np
 from echoscape.scenes.drive import Drive
 from echoscape.scenes.own_drive import OwnDrive
 from echoscape.scenes.world import Mover, Town
+from echoscape.sim.array_files import ends_as_archive
 from echoscape.sim.beat_files import write_beat
 from echoscape.sim.polar_scan import EPOCH_US, PolarScan
 from echoscape.sim.recipe import Recipe
+from echoscape.sim.scan_png import ends_as_png
 from echoscape.sim.truth_files import write_truth
 from echoscape.sim.whole_files import remove_temporaries, temporary_beside
 
@@ -90,9 +92,15 @@ def scan_folders(recipe: Recipe) -> tuple[str, ...]:
 
 
 def whole_scans(out: Path, recipe: Recipe) -> set[str]:
-    """Return the names of the scans in `out` of which no file is missing."""
-    stems = [{path.stem for path in (out / name).iterdir()} for name in scan_folders(recipe)]
-    return {stem for stem in set.intersection(*stems) if stem.isdecimal()}
+    """Return the names of the scans in `out` of which no file is missing or cut short."""
+    stems = {path.stem for path in (out / scan_folders(recipe)[0]).glob("*.png")}
+    return {stem for stem in stems if stem.isdecimal() and _is_whole(out, recipe, stem)}
+
+
+def _is_whole(out: Path, recipe: Recipe, stem: str) -> bool:
+    """Whether all files of a scan are there to their ends; a copy that broke off may have cut them short."""
+    archives = [out / name / f"{stem}.npz" for name in scan_folders(recipe)[1:]]
+    return ends_as_png(recipe.folder_layout.scan_path(out, stem)) and all(map(ends_as_archive, archives))
 
 
 class ScanMaker:
@@ -130,7 +138,7 @@ class ScanMaker:
         """Return scan `index`, None where it is there already."""
         layout, times_s = self._recipe.folder_layout, self._simulator.turn(index).times_s
         stem = layout.stem(EPOCH_US + np.rint(times_s * 1e6).astype(np.int64))
-        if stem in whole_scans(self._out, self._recipe):
+        if _is_whole(self._out, self._recipe, stem):
             return None
         scan = self._simulator.scan(index, keep_beat=self._recipe.keep_beat)
         if scan.truth is None or layout.stem(scan.timestamp_us) != stem:

@@ -4,6 +4,7 @@ import json
 import math
 import multiprocessing
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from numpy.testing import assert_allclose
 from echoscape.scenes.targets import Target
 from echoscape.scenes.traffic import TrafficSettings
 from echoscape.sim import stage
-from echoscape.sim.crew import CrewError
+from echoscape.sim.crew import CrewError, whole_scans
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.dataset import write_dataset
 from echoscape.sim.manifest import difference, manifest, read_manifest, sensor_of
@@ -268,6 +269,27 @@ def test_resume_makes_whatever_is_missing(made: Path, tmp_path: Path, lost: str)
     (sorted(path.iterdir())[1] if path.is_dir() else path).unlink()
     write_dataset(out, RECIPE, resume=True)
     _assert_same_bytes(out, made)
+
+
+@pytest.fixture(scope="module")
+def with_beat(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("beat") / "set"
+    write_dataset(out, replace(RECIPE, keep_beat=True))
+    return out
+
+
+@pytest.mark.parametrize("kind", ["radar", "truth", "beat"])
+def test_resume_makes_again_what_was_cut_short(with_beat: Path, tmp_path: Path, kind: str) -> None:
+    out = Path(shutil.copytree(with_beat, tmp_path / "set"))
+    recipe = replace(RECIPE, keep_beat=True)
+    nothing, half, nearly, whole = sorted((out / kind).iterdir())
+    for path, size in ((nothing, 0), (half, half.stat().st_size // 2), (nearly, nearly.stat().st_size - 1)):
+        os.truncate(path, size)
+    assert whole_scans(out, recipe) == {whole.stem}
+    before = whole.stat().st_mtime_ns
+    write_dataset(out, recipe, resume=True)
+    assert whole.stat().st_mtime_ns == before
+    _assert_same_bytes(out, with_beat)
 
 
 def test_failed_start_leaves_other_peoples_datasets_alone(
