@@ -14,7 +14,7 @@ from echoscape.scenes.flow import Fleet, flow
 from echoscape.scenes.path import CORNER_M, joined_line, smoothed_line
 from echoscape.scenes.roads import RoadGraph
 from echoscape.scenes.route import LaneNetwork
-from echoscape.scenes.swept import AXLE_SHARE, SweptPaths
+from echoscape.scenes.swept import AXLE_SHARE, SweptPaths, chords
 from echoscape.scenes.trajectory import Trajectory
 from echoscape.scenes.world import Prototype
 
@@ -166,8 +166,6 @@ def vehicle_track(
     line = smoothed_line(line, sigma=CORNER_M / uniform[1])
     half = max(round(AXLE_SHARE * length_m / uniform[1]), 1)
     padded = np.pad(line, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
-    chord = padded[2 * half :] - padded[: -2 * half]
-    yaw = np.unwrap(np.arctan2(chord[:, 1], chord[:, 0]))
-    middle = (padded[2 * half :] + padded[: -2 * half]) / 2
+    middle, yaw = chords(padded, half)
     spline = CubicSpline(uniform, np.column_stack([middle, np.zeros_like(yaw), yaw]))
     return Trajectory(time_s=time_s, state=spline(travel_m), rate=spline(travel_m, nu=1) * speed_mps[:, None])

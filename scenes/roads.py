@@ -40,11 +40,12 @@ class Lane:
 
 @dataclass(frozen=True, kw_only=True)
 class RoadGraph:
-    """All lanes (`lanes[i].id == i`), and the pavements' walking lines (each (P, 2) float64 [m]).
+    """All lanes (`lanes[i].id == i`), the pavements' walking lines and the kerbs (each (P, 2) float64 [m]).
 
-    `junctions` (J, 2) float64 are the junctions' middles.
+    `junctions` (J, 2) float64 are the junctions' middles; `kerbs` are closed lines with asphalt to the left.
     """
 
     lanes: tuple[Lane, ...]
     junctions: NDArray[np.float64]
     walks: tuple[NDArray[np.float64], ...] = ()
+    kerbs: tuple[NDArray[np.float64], ...] = ()

@@ -85,6 +85,7 @@ class LaneNetwork:
     def __init__(self, roads: RoadGraph) -> None:
         """Tabulate `roads`."""
         self.lanes = roads.lanes
+        self.kerbs = roads.kerbs
         self.lengths_m = np.array([lane.length_m for lane in roads.lanes])
         self.turn_rad = np.array([_turn_angle(lane) for lane in roads.lanes])
         pairs = np.array(

@@ -20,7 +20,7 @@ from echoscape.scenes.pedestrians import walking_strips
 from echoscape.scenes.presets import PRESETS, Preset
 from echoscape.scenes.roads import RoadGraph
 from echoscape.scenes.streets import Network
-from echoscape.scenes.surfaces import KERB_WIDTH_M, Ground, flat, ground_plan, kerb_runs, walking_lines
+from echoscape.scenes.surfaces import KERB_WIDTH_M, Ground, flat, ground_plan, kerb_runs, rings, walking_lines
 from echoscape.scenes.vehicles import vehicle_prototypes
 from echoscape.scenes.verges import dress_country, dress_motorway
 from echoscape.scenes.world import Town
@@ -70,7 +70,7 @@ def _streets(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGraph
         fill_blocks(assembly, taken, ground, network, settings, seeds=_stage(seed, 1))
     if settings.layout == "country":
         dress_country(assembly, taken, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
-    return replace(roads, walks=walks), ground
+    return replace(roads, walks=walks, kerbs=tuple(rings(ground.carriageway))), ground
 
 
 def _motorway(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
@@ -78,7 +78,7 @@ def _motorway(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGrap
     way = motorway(rng=np.random.default_rng(_stage(seed, 0)), margin_m=settings.margin_m)
     lay_ground(assembly, way.ground, settings)
     dress_motorway(assembly, Taken(), way, rng=np.random.default_rng(_stage(seed, 3)))
-    return way.roads, way.ground
+    return replace(way.roads, kerbs=tuple(rings(way.ground.carriageway))), way.ground
 
 
 def _stage(seed: int, stage: int) -> np.random.SeedSequence:
