@@ -15,7 +15,10 @@ from echoscape.scenes.assembly import Assembly, Taken, rectangle
 from echoscape.scenes.boundaries import fence, wall
 from echoscape.scenes.buildings import Style, building
 from echoscape.scenes.curves import Line, arc_length, left_normals, points_at, resampled
+from echoscape.scenes.dressing import foot_of
 from echoscape.scenes.greenery import hedge
+
+_TRUNK_ROOM_M = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,16 +283,17 @@ def bound_front(
 def plant(
     assembly: Assembly, garden: Polygon, plot: Plot, *, chance: float, rng: np.random.Generator
 ) -> None:
-    """Plant a tree or shrub in a garden."""
+    """Plant a tree or shrub in a garden, where its trunk and what of its crown is low find free ground."""
     if rng.random() >= chance:
         return
     low, high = np.array(garden.bounds[:2]), np.array(garden.bounds[2:])
-    place = low + rng.uniform(0.2, 0.8, 2) * (high - low)
-    if garden.contains(Point(place)) and plot.taken.claim(Point(place).buffer(1.0)):
+    middle = Point(place := low + rng.uniform(0.2, 0.8, 2) * (high - low))
+    if garden.contains(middle) and plot.taken.is_free(middle.buffer(_TRUNK_ROOM_M)):
         name = str(rng.choice(["tree_broadleaf", "tree_street", "tree_conifer", "tree_shrub", "tree_shrub"]))
-        assembly.place(
-            name, place, base_m=plot.base_m, yaw_rad=rng.uniform(0, 6.28), scale=rng.uniform(0.7, 1.2)
-        )
+        yaw, scale = rng.uniform(0, 6.28), rng.uniform(0.7, 1.2)
+        reach = scale * float(np.abs(foot_of(assembly[name])).max())
+        if plot.taken.claim(middle.buffer(max(_TRUNK_ROOM_M, reach))):
+            assembly.place(name, place, base_m=plot.base_m, yaw_rad=yaw, scale=scale)
 
 
 def put_vehicle(
