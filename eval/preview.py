@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from echoscape.eval.plan import Window, plan_picture
+from echoscape.eval.target_marks import TARGET_COLOUR, TargetMark, draw_target_marks, target_marks
 from echoscape.sim.cartesian import nearest_cells, polar_to_cartesian
 from echoscape.sim.folders import open_folder
 from echoscape.sim.manifest import read_manifest, world_of
@@ -71,7 +72,10 @@ _DPI = 100
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """One scan of a dataset with its surroundings; path (scans, 4): the car's pose at every scan."""
+    """One scan of a dataset with its surroundings.
+
+    path (scans, 4): the car's pose at every scan; targets: those of the recipe, in the world.
+    """
 
     folder: Path
     manifest: dict[str, Any]
@@ -79,6 +83,7 @@ class Frame:
     truth: ScanTruth
     number: int
     path: NDArray[np.float64]
+    targets: tuple[TargetMark, ...] = ()
 
 
 def preview(folder: Path, *, scan: int | None = None) -> Path:
@@ -120,6 +125,7 @@ def read_frame(folder: Path, scan: int | None) -> Frame:
         truth=read_truth(truths[number]),
         number=number,
         path=np.array(poses),
+        targets=target_marks(content, start=read_arrays(truths[0], ("pose",))["pose"][0]),
     )
 
 
@@ -280,10 +286,11 @@ def _plan(axes: Axes, frame: Frame) -> None:
     scale = (window[2] - window[0]) / (2 * REACH_M)
     arrow = np.array([(3.8, 0), (-2.6, 2.2), (-1.2, 0), (-2.6, -2.2)]) * 1.6 * scale
     axes.add_patch(Polygon(_turned(arrow, here[3]) + here[:2], fc=ACCENT, ec=PAGE, lw=0.8, zorder=5))
+    draw_target_marks(axes, frame.targets, ink=INK, glow=PAGE, family=_family())
     axes.set(xlim=(window[0], window[2]), ylim=(window[1], window[3]))
     _scale_bar(axes, window)
-    marks = {"drive": ACCENT, "mover": "#4cc9f0"}
-    _legend(axes, marks, columns=2)
+    marks = {"drive": ACCENT, "mover": "#4cc9f0"} | ({"test target": TARGET_COLOUR} if frame.targets else {})
+    _legend(axes, marks, columns=3)
 
 
 def drive_window(path: NDArray[np.float64]) -> Window:

@@ -19,9 +19,8 @@ from PIL import Image
 from echoscape.eval.inventory import Inventory
 from echoscape.eval.plan import COLOURS, Window, plan_picture
 from echoscape.eval.preview import ACCENT, FAINT, INK, PAGE
+from echoscape.eval.target_marks import TARGET_COLOUR
 from echoscape.scenes.targets import PlacedTarget
-
-TARGET_COLOUR = "#ff5fa2"
 
 _SIZE_IN = (16.0, 10.6)
 _DPI = 100
