@@ -164,5 +164,5 @@ def test_targets_are_part_of_the_recipe_and_movers_come_after_them(tmp_path: Pat
     movers = (tmp_path / "set" / "movers.csv").read_text().splitlines()[1:]
     instance = staged(recipe).town.targets[0].instance
     assert all(int(row.split(",")[0]) > instance for row in movers)
-    with pytest.raises(DatasetError, match=r"targets was "):
+    with pytest.raises(DatasetError, match=r"targets had 1 entry, now it has 0"):
         write_dataset(tmp_path / "set", replace(recipe, targets=()), resume=True)
