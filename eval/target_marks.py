@@ -54,9 +54,10 @@ def target_marks(content: dict[str, Any], *, start: NDArray[np.float64]) -> tupl
 
 def _target(told: dict[str, Any]) -> Target:
     """Return a target as JSON tells it: lists for tuples."""
-    return Target(
-        **{name: tuple(value) if isinstance(value, list) else value for name, value in told.items()}
-    )
+    settings: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in told.items()
+    }
+    return Target(**settings)
 
 
 def draw_target_marks(
