@@ -9,6 +9,7 @@ exact for any strength of noise, but for sidebands that fall beyond half the sam
 echoes.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -40,7 +41,7 @@ def _shape(sensor: Sensor, count: int) -> NDArray[np.float32]:
     return shape.astype(np.float32)
 
 
-def _count(sensor: Sensor) -> int:
+def sample_count(sensor: Sensor) -> int:
     """Return how many samples hold a sweep with room at its ends for the delays of the farthest echoes."""
     return 1 << int(np.ceil(np.log2(sensor.samples * 1.05)))
 
@@ -57,36 +58,54 @@ def _delay(sensor: Sensor, step_hz: float, count: int) -> NDArray[np.complex64]:
     return np.exp(-1j * np.pi * frequency_hz**2 / sensor.slope_hz_s).astype(np.complex64)
 
 
-def noisy_beat(
-    grid: NDArray[np.complex64], sensor: Sensor, *, rng: np.random.Generator, level: float = 1.0
-) -> NDArray[np.float32]:
-    """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes, phase noise included.
+@dataclass(frozen=True)
+class Modulation:
+    """What the synthesiser's phase phi does to the beat tones of some rows.
 
-    `level`: amplitude of the phase over the sensor's own.
+    turn (rows, samples) complex64: exp(j phi) within the sweep; late (rows, count) complex64: exp(-j phi),
+    D taken out.
     """
-    phase = phase_noise(sensor, rows=len(grid), count=_count(sensor), rng=rng)
-    return with_phase(grid, sensor, phase if level == 1 else phase * np.float32(level))
+
+    turn: NDArray[np.complex64]
+    late: NDArray[np.complex64]
+
+
+def modulation(phase: NDArray[np.float32], sensor: Sensor) -> Modulation:
+    """Return what a phase (rows, count) [rad] does to beat tones."""
+    count = phase.shape[1]
+    carrier = np.empty(phase.shape, np.complex64)
+    carrier.real, carrier.imag = np.cos(phase), np.sin(phase)
+    tones = fft(carrier.conj(), overwrite=True)
+    tones *= _wide_delay(sensor, count).conj()
+    return Modulation(carrier[:, _inside(sensor, count)].copy(), ifft(tones, overwrite=True))
+
+
+def modulated(grid: NDArray[np.complex64], sensor: Sensor, modulation: Modulation) -> NDArray[np.float32]:
+    """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes under a modulation."""
+    count = modulation.late.shape[1]
+    early = grid * _delay(sensor, sensor.sample_hz / sensor.fft_size, grid.shape[1]).conj()
+    received = analytic_beat(early, sensor, count=count)
+    received *= modulation.late
+    tones = fft(received, overwrite=True)
+    tones *= _wide_delay(sensor, count)
+    tone, turn = ifft(tones, overwrite=True)[:, _inside(sensor, count)], modulation.turn
+    mixed = np.asarray(tone.real * turn.real - tone.imag * turn.imag, np.float32)
+    return mixed * sweep_ripple(sensor).astype(np.float32)
 
 
 def with_phase(
     grid: NDArray[np.complex64], sensor: Sensor, phase: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Return the beat signal (rows, samples) of a grid under the synthesiser's phase (rows, count) [rad]."""
-    count, size = phase.shape[1], sensor.fft_size
-    step_hz = sensor.sample_hz / size
-    early = grid * _delay(sensor, step_hz, grid.shape[1]).conj()
-    carrier = np.empty(phase.shape, np.complex64)
-    carrier.real, carrier.imag = np.cos(phase), np.sin(phase)
-    delay = _delay(sensor, step_hz * (size // count), count)
-    modulation = fft(carrier.conj(), overwrite=True)
-    modulation *= delay.conj()
-    received = analytic_beat(early, sensor, count=count)
-    received *= ifft(modulation, overwrite=True)
-    tones = fft(received, overwrite=True)
-    tones *= delay
-    full = ifft(tones, overwrite=True)
+    return modulated(grid, sensor, modulation(phase, sensor))
+
+
+def _wide_delay(sensor: Sensor, count: int) -> NDArray[np.complex64]:
+    """Return the delaying filter (count,) of tones that last `count` samples."""
+    return _delay(sensor, sensor.sample_hz / sensor.fft_size * (sensor.fft_size // count), count)
+
+
+def _inside(sensor: Sensor, count: int) -> slice:
+    """Return where among `count` samples the sweep lies."""
     first = count // 2 - sensor.samples // 2
-    inside = slice(first, first + sensor.samples)
-    tone, turn = full[:, inside], carrier[:, inside]
-    mixed = np.asarray(tone.real * turn.real - tone.imag * turn.imag, np.float32)
-    return mixed * sweep_ripple(sensor).astype(np.float32)
+    return slice(first, first + sensor.samples)

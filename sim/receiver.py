@@ -5,24 +5,18 @@ follow; a strong far echo carries its phase-noise skirt. What the converter give
 and the power is made from them alone (`sim.range_processing`).
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.artefacts import Artefacts
+from echoscape.sim.artefacts import Artefacts, Strengths
 from echoscape.sim.beat_signal import BeatSignal, finely_sampled, joined, sampled
-from echoscape.sim.decibels import power_ratio
-from echoscape.sim.echoes import point_echoes
+from echoscape.sim.front_end import PART_STEP, Draws, FrontEnd
 from echoscape.sim.link import full_scale_amplitude
-from echoscape.sim.phase_noise import noisy_beat
 from echoscape.sim.range_processing import row_blocks, written_power
 from echoscape.sim.sensor import Sensor
-from echoscape.sim.waveform import beat, echo_grid, spectrum
-
-PART_STEP = 2
-"""The parts of the power are told in every second bin: the point spread is some 8 bins wide."""
+from echoscape.sim.waveform import spectrum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,26 +37,6 @@ class Received:
     saturated: NDArray[np.bool_]
     others: NDArray[np.float32] | None = None
     beat: BeatSignal | None = None
-
-
-def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
-    """Return the leakage as a row of the grid of echoes (1, fft_size / 2) [sqrt(W)], alike in all rows."""
-    range_m, level_dbm = np.array(sensor.leakage_dbm).T
-    phase = -4 * math.pi * range_m / sensor.wavelength_m
-    amplitude = np.sqrt(power_ratio(level_dbm - 30)) * np.exp(1j * phase)
-    echoes = point_echoes(
-        row=np.zeros(len(range_m)), range_m=range_m, amplitude=amplitude, azimuths=sensor.azimuths
-    )
-    return echo_grid(echoes, sensor, rows=1)
-
-
-def thermal_noise(sensor: Sensor, *, rng: np.random.Generator, kelvin: float) -> NDArray[np.float32] | None:
-    """Draw the noise of all samples of a scan (azimuths, samples) float32 [sqrt(W)], white, k T fs / 2."""
-    if not kelvin:
-        return None
-    draws = rng.standard_normal((sensor.azimuths, sensor.samples), dtype=np.float32)
-    power_w = sensor.thermal_noise_w * (kelvin / sensor.noise_temperature_k)
-    return draws * np.float32(math.sqrt(power_w))
 
 
 def convert(
@@ -101,38 +75,65 @@ def receive(
     distortion; `others` (azimuths, samples) [sqrt(W)], what other radars send, is part of it. With
     `keep_beat` the signal that the power was made from comes along; without `parts` the power alone is made.
     """
+    draws = Draws(sensor, noise_rng=noise_rng, phase_rng=phase_rng)
+    front_end = FrontEnd(grid, sensor, draws)
+    return received(front_end, sensor, artefacts, others=others, keep_beat=keep_beat, parts=parts)
+
+
+def received(
+    front_end: FrontEnd,
+    sensor: Sensor,
+    artefacts: Artefacts,
+    *,
+    others: NDArray[np.float32] | None = None,
+    keep_beat: bool = False,
+    parts: bool = True,
+) -> Received:
+    """Return what `receive` does of the grid of a front end, which settings of artefacts may share."""
     strengths = artefacts.strengths(sensor)
-    noise = thermal_noise(sensor, rng=noise_rng, kelvin=strengths.thermal_noise)
-    leak = leakage_grid(sensor) * np.float32(math.sqrt(strengths.leakage))
+    level = strengths.phase_noise / sensor.phase_noise_rad
+    mixed = front_end.mixed(leakage=strengths.leakage, level=level)
+    added = [each for each in (front_end.draws.thermal(strengths.thermal_noise), others) if each is not None]
     power = np.empty((sensor.azimuths, sensor.bins), np.float32)
-    part_bins = -(-sensor.bins // PART_STEP) if parts else 0
-    alone = np.empty((3, sensor.azimuths, part_bins), np.float32)
+    coarse = np.empty((sensor.azimuths, -(-sensor.bins // PART_STEP) if parts else 0), np.complex64)
     saturated = np.zeros(sensor.azimuths, np.bool_)
     beats = []
     for rows in row_blocks(sensor.azimuths):
-        noise_rows = None if noise is None else noise[rows]
-        others_rows = None if others is None else others[rows]
-        echoes = (grid[rows] + leak).astype(np.complex64, copy=False)
-        signal, saturated[rows] = _converted(
-            echoes, noise_rows, others_rows, sensor, artefacts, phase_rng=phase_rng
-        )
-        whole = spectrum(signal.amplitude(), sensor)
+        signal = mixed[rows]
+        for more in added:
+            signal = signal + more[rows]
+        converted, saturated[rows] = convert(signal, sensor, artefacts)
+        whole = spectrum(converted.amplitude(), sensor)
         written_power(whole, sensor, out=power[rows])
         if parts:
-            found = _parts(whole, echoes, noise_rows, sensor, linear=strengths.linear)
-            for values, into in zip(found, alone, strict=True):
-                written_power(values, sensor, step=PART_STEP, out=into[rows])
+            coarse[rows] = whole[:, ::PART_STEP]
         if keep_beat:
-            beats.append(signal)
+            beats.append(converted)
+    silence = np.empty((sensor.azimuths, 0), np.float32)
+    echo, noise, distortion = _parts(front_end, coarse, sensor, strengths) if parts else 3 * (silence,)
     return Received(
         power=power,
-        echo=alone[0],
-        noise=alone[1],
-        distortion=alone[2],
+        echo=echo,
+        noise=noise,
+        distortion=distortion,
         saturated=saturated,
         others=_others_power(others, sensor) if parts else None,
         beat=joined(beats) if keep_beat else None,
     )
+
+
+def _parts(
+    front_end: FrontEnd, whole: NDArray[np.complex64], sensor: Sensor, strengths: Strengths
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Return the written power, in steps, that echoes, noise and distortion have alone."""
+    echo = front_end.echo_part(leakage=strengths.leakage)
+    thermal = front_end.draws.thermal_part(strengths.thermal_noise)
+    distortion = np.zeros_like(echo.power)
+    if not strengths.linear:
+        for rows in row_blocks(sensor.azimuths):
+            rest = whole[rows] - echo.spectrum[rows] - thermal.spectrum[rows]
+            written_power(rest, sensor, step=PART_STEP, out=distortion[rows])
+    return echo.power, thermal.power, distortion
 
 
 def _others_power(others: NDArray[np.float32] | None, sensor: Sensor) -> NDArray[np.float32] | None:
@@ -143,36 +144,3 @@ def _others_power(others: NDArray[np.float32] | None, sensor: Sensor) -> NDArray
     for rows in row_blocks(sensor.azimuths):
         written_power(spectrum(others[rows], sensor, step=PART_STEP), sensor, step=PART_STEP, out=power[rows])
     return power
-
-
-def _converted(
-    grid: NDArray[np.complex64],
-    noise: NDArray[np.float32] | None,
-    others: NDArray[np.float32] | None,
-    sensor: Sensor,
-    artefacts: Artefacts,
-    *,
-    phase_rng: np.random.Generator,
-) -> tuple[BeatSignal, NDArray[np.bool_]]:
-    """Return some rows' signal behind the converter, and which of them it clips."""
-    level = artefacts.strengths(sensor).phase_noise / sensor.phase_noise_rad
-    signal = noisy_beat(grid, sensor, rng=phase_rng, level=level) if level else beat(grid, sensor)
-    for more in (noise, others):
-        if more is not None:
-            signal = signal + more
-    return convert(signal, sensor, artefacts)
-
-
-def _parts(
-    whole: NDArray[np.complex64],
-    grid: NDArray[np.complex64],
-    noise: NDArray[np.float32] | None,
-    sensor: Sensor,
-    *,
-    linear: bool,
-) -> list[NDArray[np.complex64]]:
-    """Return the spectra, in steps, of some rows' echoes, noise and distortion alone."""
-    silence = np.zeros((len(grid), -(-sensor.bins // PART_STEP)), np.complex64)
-    echo = spectrum(beat(grid, sensor), sensor, step=PART_STEP)
-    thermal = silence if noise is None else spectrum(noise, sensor, step=PART_STEP)
-    return [echo, thermal, silence if linear else whole[:, ::PART_STEP] - echo - thermal]

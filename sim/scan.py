@@ -12,18 +12,20 @@ from numpy.typing import NDArray
 
 from echoscape.scenes.world import Mover, Town
 from echoscape.sim.artefact_echoes import changed, speckled_grid
-from echoscape.sim.artefacts import Artefacts
+from echoscape.sim.artefacts import Artefacts, Strengths
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import Echoes, Origin
 from echoscape.sim.filters import EchoFilter, selection
+from echoscape.sim.front_end import Draws, FrontEnd
 from echoscape.sim.interference import HEARD_M, other_radars
 from echoscape.sim.intersection import World
 from echoscape.sim.motion import Turn
 from echoscape.sim.polar_scan import EPOCH_US, PolarScan, ScanTruth
 from echoscape.sim.quantiser import codes
 from echoscape.sim.rain import rain_grid, rain_power_w
-from echoscape.sim.receiver import Received, receive
+from echoscape.sim.receiver import Received, received
 from echoscape.sim.sensor import Sensor
+from echoscape.sim.strongest import StrongestEchoes
 from echoscape.sim.surface_settings import SurfaceSettings
 from echoscape.sim.timeline import HasTrajectory, Timeline
 from echoscape.sim.town_scene import TownScene, instance_classes
@@ -43,12 +45,12 @@ _ECHOES = ("ghosts", "sidelobes", "doppler", "rain")
 class _Arriving:
     """What reaches the receiver in a scan.
 
-    grid (A, fft_size / 2) complex64 [sqrt(W)], of `echoes` and of rain, whose mean power is rain_w, of the
-    same shape [W], None without any.
+    strongest: of its echoes; front_end: of echoes and rain; rain_w (A, fft_size / 2): mean power of rain on
+    the grid [W], None without any.
     """
 
-    echoes: Echoes
-    grid: NDArray[np.complex64]
+    strongest: StrongestEchoes
+    front_end: FrontEnd
     rain_w: NDArray[np.float32] | None = None
 
 
@@ -116,17 +118,22 @@ class Simulator:
         anew; those that differ in the receiver alone share its input. Each scan has the bytes that a
         simulator of its own would give it. Without `truth` they come without, in less time.
         """
-        found: dict[Artefacts, PolarScan] = {}
-        for alike in _alike(settings, _PATHS):
+        # What is as strong is the same scan: None may stand for a number, and settings may come twice.
+        strengths = [each.strengths(self.sensor) for each in settings]
+        different = dict(zip(strengths, settings, strict=True))
+        draws = self._draws(index)
+        found: dict[Strengths, PolarScan] = {}
+        for alike in _alike(tuple(different.values()), _PATHS):
             ghosts = max(each.ghosts for each in alike)
             traced = self._traced(index, replace(alike[0], ghosts=ghosts))
             for same in _alike(alike, _ECHOES):
-                echoes = changed(traced, same[0], self.sensor)
+                strongest = self._labeller.strongest(changed(traced, same[0], self.sensor))
                 for those in _alike(same, ("speckle",)):
-                    arriving = self._arriving(index, echoes, those[0])
+                    arriving = self._arriving(index, strongest, those[0], draws)
                     for each in those:
-                        found[each] = self._received(index, arriving, each, truth=truth)
-        return [found[each] for each in settings]
+                        scan = self._received(index, arriving, each, truth=truth)
+                        found[each.strengths(self.sensor)] = scan
+        return [found[each] for each in strengths]
 
     def scan(
         self,
@@ -151,19 +158,27 @@ class Simulator:
         chosen = selection(only, without)
         left = chosen.echoes(self.echoes(index) if echoes is None else echoes, self.instance_class)
         artefacts = chosen.artefacts(self.artefacts)
-        return self._received(index, self._arriving(index, left, artefacts), artefacts, keep_beat=keep_beat)
+        arriving = self._arriving(index, self._labeller.strongest(left), artefacts, self._draws(index))
+        return self._received(index, arriving, artefacts, keep_beat=keep_beat)
 
-    def _arriving(self, index: int, echoes: Echoes, artefacts: Artefacts) -> _Arriving:
+    def _draws(self, index: int) -> Draws:
+        """Return what the receiver draws in scan `index`."""
+        noise_rng, phase_rng = self._rng(index, "noise"), self._rng(index, "phase_noise")
+        return Draws(self.sensor, noise_rng=noise_rng, phase_rng=phase_rng)
+
+    def _arriving(
+        self, index: int, strongest: StrongestEchoes, artefacts: Artefacts, draws: Draws
+    ) -> _Arriving:
         """Return what reaches the receiver of echoes and rain."""
-        grid = speckled_grid(echoes, self.sensor, speckle=artefacts.speckle)
+        grid = speckled_grid(strongest.echoes, self.sensor, speckle=artefacts.speckle)
         if not artefacts.rain:
-            return _Arriving(echoes=echoes, grid=grid)
+            return _Arriving(strongest=strongest, front_end=FrontEnd(grid, self.sensor, draws))
         poses, states = self._timeline.poses(index, artefacts), self._timeline.states(index, artefacts)
         edges_m = np.arange(self.sensor.fft_size // 2, dtype=np.float64) * self.sensor.bin_m
         clear = self._tracer.clear_share(poses, states, edges_m)
         rain_w = rain_power_w(self.sensor, self._tracer.antenna, rate_mm_h=artefacts.rain, clear=clear)
         grid += rain_grid(rain_w, rng=self._rng(index, "rain"))
-        return _Arriving(echoes=echoes, grid=grid, rain_w=rain_w)
+        return _Arriving(strongest=strongest, front_end=FrontEnd(grid, self.sensor, draws), rain_w=rain_w)
 
     def _received(
         self,
@@ -176,39 +191,37 @@ class Simulator:
     ) -> PolarScan:
         """Return what the receiver makes of what arrives."""
         turn, sensor = self.turn(index), self.sensor
-        received = receive(
-            arriving.grid,
+        made = received(
+            arriving.front_end,
             sensor,
             artefacts,
-            noise_rng=self._rng(index, "noise"),
-            phase_rng=self._rng(index, "phase_noise"),
             others=self._others(index, artefacts),
             keep_beat=keep_beat,
             parts=truth,
         )
         return PolarScan(
-            codes=codes(received.power),
+            codes=codes(made.power),
             timestamp_us=EPOCH_US + np.rint(turn.times_s * 1e6).astype(np.int64),
             encoder=_encoder(sensor),
             valid=np.ones(sensor.azimuths, np.bool_),
             bin_m=sensor.bin_m,
-            truth=self._truth(index, arriving, received, artefacts) if truth else None,
+            truth=self._truth(index, arriving, made, artefacts) if truth else None,
             rising=sensor.rising if sensor.chirps == "alternating" else None,
             encoder_per_turn=sensor.encoder_per_turn,
-            beat=received.beat,
+            beat=made.beat,
         )
 
-    def _truth(self, index: int, arriving: _Arriving, received: Received, artefacts: Artefacts) -> ScanTruth:
+    def _truth(self, index: int, arriving: _Arriving, made: Received, artefacts: Artefacts) -> ScanTruth:
         """Return what is known of a scan because it was made."""
         turn = self.turn(index)
         middle = turn.middle_s
         return ScanTruth(
-            cells=self._labeller.label(arriving.echoes, received, artefacts, rain_w=arriving.rain_w),
+            cells=self._labeller.label(arriving.strongest, made, artefacts, rain_w=arriving.rain_w),
             pose=self._track.pose(turn.times_s),
             middle_pose=self._track.pose(np.float64(middle)),
             middle_us=EPOCH_US + round(middle * 1e6),
-            saturated=received.saturated,
-            first_m=arriving.echoes.first_m,
+            saturated=made.saturated,
+            first_m=arriving.strongest.echoes.first_m,
             boxes=mover_boxes(self._timeline.states(index, artefacts)),
         )
 

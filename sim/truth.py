@@ -6,24 +6,21 @@ a sidelobe of the beam, and the strongest of that kind says which thing it was; 
 sidelobe of the range window.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.world import CLASSES
 from echoscape.sim.artefacts import Artefacts
-from echoscape.sim.backend import dr, mi
 from echoscape.sim.echoes import Echoes
+from echoscape.sim.front_end import PART_STEP, leakage_grid
 from echoscape.sim.link import range_gain, units_per_watt, window, written_units
 from echoscape.sim.motion import MoverStates
 from echoscape.sim.polar_scan import CellTruth, Component, MoverBoxes
 from echoscape.sim.quantiser import LEAST_POWER
-from echoscape.sim.receiver import PART_STEP, Received, leakage_grid
+from echoscape.sim.receiver import Received
 from echoscape.sim.sensor import Sensor
-from echoscape.sim.waveform import BIN_CENTRE, beat, grid_place, sample_times, spectrum, sweep_ripple
-
-_KINDS = (Component.DIRECT, Component.GHOST, Component.SIDELOBE)
+from echoscape.sim.strongest import Found, StrongestEchoes
+from echoscape.sim.waveform import BIN_CENTRE, beat, sample_times, spectrum, sweep_ripple
 
 EXPLAINED = 0.1
 """Share of a cell's echo power that the echoes within the point spread must reach, added by power, to explain
@@ -69,9 +66,13 @@ class Labeller:
         leak = np.abs(spectrum(beat(leakage_grid(sensor), sensor), sensor, step=PART_STEP)) ** 2
         self._leakage = (leak * (written_units(sensor) * range_gain(sensor, ranges))).astype(np.float32)
 
+    def strongest(self, echoes: Echoes) -> StrongestEchoes:
+        """Return the strongest echoes about each cell, for all that is asked of a scan's echoes."""
+        return StrongestEchoes(echoes, self._sensor, steps=self._steps)
+
     def label(
         self,
-        echoes: Echoes,
+        strongest: StrongestEchoes,
         received: Received,
         artefacts: Artefacts,
         *,
@@ -79,13 +80,16 @@ class Labeller:
     ) -> CellTruth:
         """Return the truth of every cell of a scan; pairs of bins share what echoes they hold.
 
+        strongest: of the echoes that were received, from `strongest`.
+
         rain_w (azimuths, fft_size / 2): mean power of rain in each bin of the grid [W], None without any.
         """
         component = self._largest(received)
         cells = np.flatnonzero(component == Component.DIRECT)
         echo = received.echo.ravel()[cells]
         step = cells % self._steps
-        power, kind, source = self._strongest(echoes, cells, echo)
+        found = self._explained(strongest, cells, echo)
+        power, kind = found.power, found.kind
         explained = power * self._unit_gain[step] >= EXPLAINED * echo
         kind = np.where(explained, kind, np.uint8(Component.SIDELOBE))
         if rain_w is not None:
@@ -98,7 +102,7 @@ class Labeller:
             kind = np.where(leaks, np.uint8(Component.LEAKAGE), kind)
             explained &= ~leaks
         component.ravel()[cells] = kind
-        named = self._filled(echoes, component, cells[explained], source[explained])
+        named = self._filled(strongest.echoes, component, cells[explained], found.source[explained])
         # What the quantiser cannot tell from nothing is noise, whatever it came from.
         return _by_bin(named, heard=received.power >= LEAST_POWER)
 
@@ -118,81 +122,22 @@ class Labeller:
             component[foreign] = Component.INTERFERENCE
         return component
 
-    def _strongest(
-        self, echoes: Echoes, cells: NDArray[np.int64], echo: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
-        """Return power [W], kind and return number of the strongest echoes at flat cell numbers (C,).
-
-        Power is all that echoes spread there; the kind (DIRECT, GHOST or SIDELOBE) is the one with most of
-        it; the return is that of the strongest echo of that kind.
+    def _explained(
+        self, strongest: StrongestEchoes, cells: NDArray[np.int64], echo: NDArray[np.float32]
+    ) -> Found:
+        """Return what echoes bring to flat cell numbers (C,).
 
         Cells whose echo power `echo` (C,) is not explained so, but by the skirt of ghosts, are those ghosts'.
-        The largest (power, return) pair is found with an integer maximum, which no order of work changes.
         """
-        if len(echoes) == 0:
-            count = len(cells)
-            return np.zeros(count, np.float32), np.zeros(count, np.uint8), np.zeros(count, np.uint32)
-        sensor, kinds = self._sensor, len(_KINDS)
-        place = ((grid_place(echoes.range_m, sensor) + 0.5) * (1 / PART_STEP)).astype(np.int32)
-        np.clip(place, 0, self._steps - 1, out=place)
-        ghost = (echoes.returns.bounces > 1).astype(np.int32)[echoes.source]
-        kind = np.where(echoes.sidelobe, np.int32(2), ghost)
-        number = (echoes.row * np.int32(self._steps) + place) * np.int32(kinds) + kind
-        amplitude = echoes.amplitude
-        power = np.square(amplitude.real) + np.square(amplitude.imag)
-        size = sensor.azimuths * self._steps * kinds
-        total = np.bincount(number, power, size).astype(np.float32)
-        key = mi.UInt64(dr.reinterpret_array(mi.UInt32, mi.Float(power))) << 32
-        best = dr.zeros(mi.UInt64, size)
-        index = mi.UInt32(number.astype(np.uint32))
-        dr.scatter_reduce(dr.ReduceOp.Max, best, key | mi.UInt64(mi.UInt32(echoes.source)), index)
-        row, step = np.divmod(cells.astype(np.uint32), np.uint32(self._steps))
-        totals = mi.Float(total)
-        power, kind, source = self._spread(best, totals, row, step, self._shape)
-        gain = self._unit_gain[step]
-        weak = np.flatnonzero(power * gain < EXPLAINED * echo)
-        if len(weak):
-            skirt, whose, which = self._spread(best, totals, row[weak], step[weak], self._skirt)
-            ghosts = (whose == Component.GHOST) & (skirt * gain[weak] >= EXPLAINED * echo[weak])
-            found = weak[ghosts]
-            power[found], kind[found], source[found] = skirt[ghosts], whose[ghosts], which[ghosts]
-        return power, kind, source
-
-    def _spread(
-        self,
-        best: "mi.UInt64",
-        total: "mi.Float",
-        rows: NDArray[np.uint32],
-        steps: NDArray[np.uint32],
-        shape: NDArray[np.float32],
-    ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
-        """Return the power spread over each cell, the kind with most of it, and its strongest return."""
-        kinds, row, step = len(_KINDS), mi.UInt32(rows), mi.UInt32(steps)
-        sums = [mi.Float(0) for _ in _KINDS]
-        for share, place, valid in self._neighbours(row, step, shape):
-            for kind in range(kinds):
-                sums[kind] += dr.gather(mi.Float, total, place * kinds + kind, valid) * share
-        most = dr.select(sums[1] > sums[0], mi.UInt32(1), 0)
-        most = dr.select(sums[2] > dr.maximum(sums[0], sums[1]), 2, most)
-        largest, source = mi.Float(-1), mi.UInt32(0)
-        for share, place, valid in self._neighbours(row, step, shape):
-            pair = dr.gather(mi.UInt64, best, place * kinds + most, valid)
-            power = dr.reinterpret_array(mi.Float, mi.UInt32(pair >> 32)) * share
-            better = valid & (power > largest)
-            largest = dr.select(better, power, largest)
-            source = dr.select(better, mi.UInt32(pair & 0xFFFFFFFF), source)
-        power = sums[0] + sums[1] + sums[2]
-        dr.eval(power, most, source)
-        return power.numpy(), np.array(_KINDS, np.uint8)[most.numpy()], source.numpy()
-
-    def _neighbours(
-        self, row: "mi.UInt32", step: "mi.UInt32", shape: NDArray[np.float32]
-    ) -> "Iterator[tuple[float, mi.UInt32, mi.Bool]]":
-        """Yield share, number and existence of each step along range within the point spread."""
-        for offset in range(-len(shape) + 1, len(shape)):
-            place = mi.Int32(step) + offset
-            valid = (place >= 0) & (place < self._steps)
-            yield float(shape[abs(offset)]), mi.UInt32(mi.Int32(row * self._steps) + place), valid
+        found = strongest.within(self._shape, cells)
+        gain = self._unit_gain[cells % self._steps]
+        weak = np.flatnonzero(found.power * gain < EXPLAINED * echo)
+        skirt = strongest.within(self._skirt, cells[weak])
+        ghosts = (skirt.kind == Component.GHOST) & (skirt.power * gain[weak] >= EXPLAINED * echo[weak])
+        of_ghosts, taken = weak[ghosts], np.flatnonzero(ghosts)
+        for into, values in zip(vars(found).values(), vars(skirt.at(taken)).values(), strict=True):
+            into[of_ghosts] = values
+        return found
 
     def _filled(
         self,
@@ -226,7 +171,11 @@ def _by_bin(steps: CellTruth, *, heard: NDArray[np.bool_]) -> CellTruth:
     """Return the truth of every bin from that of steps of PART_STEP bins, blank where nothing is `heard`."""
 
     def widened(values: NDArray) -> NDArray:
-        return np.repeat(values, PART_STEP, axis=1)[:, : heard.shape[1]] * heard
+        # Two neighbours of a type are one number of twice its size: faster than repeating them one by one.
+        bits = 8 * values.itemsize
+        pairs = values.view(f"u{values.itemsize}").astype(f"u{PART_STEP * values.itemsize}")
+        pairs |= pairs << bits
+        return pairs.view(values.dtype)[:, : heard.shape[1]] * heard
 
     return CellTruth(
         component=widened(steps.component),

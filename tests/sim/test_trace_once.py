@@ -5,8 +5,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from echoscape.sim import scan
 from echoscape.sim.artefacts import Artefacts
 from echoscape.sim.polar_scan import PolarScan
+from echoscape.sim.receiver import received
 from echoscape.sim.scan import Simulator
 from echoscape.sim.trace_settings import TraceSettings
 from tests.sim.worlds import box_prototype, mover, plate, quad, straight, world
@@ -15,6 +17,9 @@ ON = {"rain": 10.0, "interference": 1.0}
 SETTINGS = [
     Artefacts(),
     *(replace(Artefacts(), **{each.name: ON.get(each.name, 0.0)}) for each in fields(Artefacts)),
+    Artefacts(phase_noise=0.05),
+    Artefacts(thermal_noise=1000.0, leakage=0.5),
+    Artefacts(speckle=0.5, phase_noise=0.02),
     Artefacts(),
 ]
 
@@ -49,15 +54,39 @@ def test_scans_are_those_of_separate_simulators(together: list[PolarScan], numbe
 
 
 def test_settings_differ(together: list[PolarScan]) -> None:
-    for setting, scan in zip(SETTINGS[1:-1], together[1:-1], strict=True):
-        assert np.any(scan.codes != together[0].codes), setting
+    for setting, other in zip(SETTINGS[1:-1], together[1:-1], strict=True):
+        assert np.any(other.codes != together[0].codes), setting
 
 
 def test_without_truth_the_codes_stay(together: list[PolarScan]) -> None:
     bare = simulator().scans(1, SETTINGS[::4], truth=False)
-    for scan, whole in zip(bare, together[::4], strict=True):
-        assert scan.truth is None
-        np.testing.assert_array_equal(scan.codes, whole.codes)
+    for plain, whole in zip(bare, together[::4], strict=True):
+        assert plain.truth is None
+        np.testing.assert_array_equal(plain.codes, whole.codes)
+
+
+def test_settings_in_another_order_are_the_same_scans(together: list[PolarScan]) -> None:
+    # More strengths than the receiver keeps results of, so that some are made anew.
+    swept = [Artefacts(leakage=0.1 * k, phase_noise=0.01 * k) for k in range(6)]
+    made = simulator()
+    there, back = made.scans(1, [*swept, Artefacts()]), made.scans(1, [Artefacts(), *swept[::-1]])
+    for one, other in zip(there, back[::-1], strict=True):
+        np.testing.assert_array_equal(one.codes, other.codes)
+        assert one.truth is not None
+        assert other.truth is not None
+        np.testing.assert_array_equal(one.truth.cells.component, other.truth.cells.component)
+        np.testing.assert_array_equal(one.truth.cells.instance, other.truth.cells.instance)
+    np.testing.assert_array_equal(there[6].codes, together[0].codes)
+
+
+def test_settings_as_strong_are_one_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = simulator()
+    count = []
+    monkeypatch.setattr(scan, "received", lambda *a, **k: count.append(1) or received(*a, **k))
+    own = Artefacts(phase_noise=made.sensor.phase_noise_rad, doppler=made.sensor.doppler_beta_s)
+    scans = made.scans(0, [Artefacts(), own, Artefacts(leakage=0.0), Artefacts()], truth=False)
+    assert len(count) == 2
+    assert scans[0] is scans[1] is scans[3]
 
 
 def test_world_is_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
