@@ -16,7 +16,8 @@ from echoscape.cli.stages import Stages
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.model import ModelSettings
 from echoscape.learn.pairs import PairSet
-from echoscape.learn.train import Data, TrainSettings, train
+from echoscape.learn.train import Data, train
+from echoscape.learn.train_settings import TrainSettings
 from echoscape.sim.heap import keep_freed_memory
 from echoscape.sim.whole_files import DatasetError
 

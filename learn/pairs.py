@@ -82,13 +82,16 @@ class PairSet:
         self.names = [Path(folder).resolve().name for folder in folders]
         self.drives = [_drive(Path(folder), image, cache, report) for folder in folders]
 
-    def drawn(self, turns: TurnSettings, step: int, *, rng: np.random.Generator) -> Pair:
-        """Draw a pair: any drive by its number of scans, any gap alike, either order."""
+    def drawn(
+        self, turns: TurnSettings, step: int, *, rng: np.random.Generator, gap_power: float = 0.0
+    ) -> Pair:
+        """Draw a pair: any drive by its number of scans, gap g by g^-gap_power, either order."""
         lengths = np.array([len(drive.cells) for drive in self.drives], float)
         drive = int(rng.choice(len(self.drives), p=lengths / lengths.sum()))
         candidates = self.drives[drive].candidates
         gaps = sorted({later - earlier for earlier, later in candidates})
-        gap = gaps[int(rng.integers(len(gaps)))]
+        chances = np.array(gaps, float) ** -gap_power
+        gap = gaps[int(rng.choice(len(gaps), p=chances / chances.sum()))]
         fitting = [pair for pair in candidates if pair[1] - pair[0] == gap]
         earlier, later = fitting[int(rng.integers(len(fitting)))]
         if rng.random() < 0.5:

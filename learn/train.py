@@ -10,11 +10,11 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,80 +22,18 @@ from torch import distributed
 from torch.nn.parallel import DistributedDataParallel
 from torch.nn.utils import clip_grad_norm_
 
-from echoscape.learn.augment import TurnSettings
 from echoscape.learn.checkpoint import FILE_NAME, Checkpoint, Progress, read_checkpoint, write_checkpoint
-from echoscape.learn.loss import ALPHA_M, match_loss, pose_errors, pose_loss
-from echoscape.learn.model import KeypointModel, Matching, ModelSettings
+from echoscape.learn.loss import match_loss, pose_errors, pose_loss
+from echoscape.learn.model import KeypointModel, ModelSettings
 from echoscape.learn.pairs import PairSet
+from echoscape.learn.train_settings import DTYPES, TrainSettings
+from echoscape.learn.training_log import LOG_FILE, Report, TrainingLog
 from echoscape.learn.training_plot import draw_training
 from echoscape.learn.validation import fixed_pairs, pair_errors
 from echoscape.learn.weights import read_weights, write_weights
-from echoscape.sim.whole_files import DatasetError, read_text, remove_temporaries, write_whole
+from echoscape.sim.whole_files import DatasetError, remove_temporaries, write_whole
 
-SETTINGS_FILE, LOG_FILE = "settings.json", "log.jsonl"
-DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16}
-
-Report = Callable[[dict[str, Any]], None]
-"""Told of every line of the log."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrainSettings:
-    """How a model is trained.
-
-    seed: of all draws; steps: of Adam; pairs: a step and process; learning_rate: up to hold_steps, from there
-    on halved every halve_steps (0: never), evenly; alpha_m: weight of rotation in the loss; match_weight: of
-    the matches' own error in it (0: poses alone supervise), match_reach_m: beyond which an error teaches the
-    weights no more; clip: largest norm of the gradients; match_stride: 2 searches every second pixel in
-    training; network, products: number formats of the convolutions and of the matching's products; turns: of
-    the pictures; validate_every, validate_pairs: steps between validations and pairs of one; log_every: steps
-    averaged in a line of the log; save_every, save_minutes: between checkpoints; patience: validations
-    without a better one after which training ends, 0 for never.
-    """
-
-    seed: int = 0
-    steps: int = 30_000
-    pairs: int = 1
-    learning_rate: float = 1e-3
-    hold_steps: int = 0
-    halve_steps: int = 0
-    alpha_m: float = ALPHA_M
-    match_weight: float = 0.0
-    match_reach_m: float = 5.0
-    clip: float = 10.0
-    match_stride: Literal[1, 2] = 2
-    network: Literal["float32", "bfloat16"] = "bfloat16"
-    products: Literal["float32", "bfloat16"] = "float32"
-    turns: TurnSettings = field(default_factory=TurnSettings)
-    validate_every: int = 500
-    validate_pairs: int = 64
-    log_every: int = 20
-    save_every: int = 500
-    save_minutes: float = 10.0
-    patience: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("steps", "pairs", "validate_every", "validate_pairs", "log_every", "save_every"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be 1 or more, got {getattr(self, name)}")
-        for name in ("learning_rate", "alpha_m", "match_reach_m", "clip", "save_minutes"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be finite and above 0, got {value}")
-        for name in ("seed", "patience", "hold_steps", "halve_steps", "match_weight"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise ValueError(f"{name} must be finite and 0 or more, got {getattr(self, name)}")
-
-    def rate(self, step: int) -> float:
-        """Return the learning rate at a step."""
-        if self.halve_steps == 0:
-            return self.learning_rate
-        return self.learning_rate * 0.5 ** (max(step - self.hold_steps, 0) / self.halve_steps)
-
-    @property
-    def matching(self) -> Matching:
-        """How matches are computed in training."""
-        return Matching(stride=self.match_stride, dtype=DTYPES[self.products])
+SETTINGS_FILE = "settings.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +88,8 @@ class _Run:
         report: Report | None,
     ) -> None:
         self.out, self.settings, self.data = out, settings, data
-        self.rank, self.world, self.report = rank, world, report
+        self.rank, self.world = rank, world
+        self.log = TrainingLog(out, report) if rank == 0 else None
         self.model = initial_model(model_settings, seed=settings.seed)
         begun = None if start is None else _begin_with(self.model, start)
         told = {"model": asdict(model_settings), "train": asdict(settings), "processes": world}
@@ -183,8 +122,9 @@ class _Run:
         if self.rank == 0 and not resume:
             self.out.mkdir(parents=True, exist_ok=True)
             write_whole(self.out / SETTINGS_FILE, (json.dumps(self.told, indent=1) + "\n").encode())
-            write_whole(self.out / LOG_FILE, b"")
             self._save()
+        if self.log is not None:
+            self.log.begin(self.progress.step)
 
     def _take_up(self, checkpoint: Checkpoint) -> None:
         if _without_ends(checkpoint.settings) != _without_ends(self.told):
@@ -194,9 +134,6 @@ class _Run:
         self.progress = checkpoint.progress
         if self.rank == 0:
             remove_temporaries(self.out)
-            lines = read_text(self.out / LOG_FILE).splitlines()
-            kept = [line for line in lines if json.loads(line)["step"] <= self.progress.step]
-            write_whole(self.out / LOG_FILE, "".join(f"{line}\n" for line in kept).encode())
 
     def advance(self) -> None:
         """Make one step of Adam, and what is due after it."""
@@ -216,7 +153,10 @@ class _Run:
         """Return the mean loss and the mean errors [m], [rad] of one step."""
         step, settings = self.progress.step, self.settings
         rng = np.random.default_rng(np.random.SeedSequence([settings.seed, 0, step, self.rank]))
-        drawn = [self.data.training.drawn(settings.turns, step, rng=rng) for _ in range(settings.pairs)]
+        drawn = [
+            self.data.training.drawn(settings.turns, step, rng=rng, gap_power=settings.gap_power)
+            for _ in range(settings.pairs)
+        ]
         batch = self.data.training.batch(drawn)
         self.forward.train()
         self.optimiser.zero_grad(set_to_none=True)
@@ -262,14 +202,8 @@ class _Run:
         return float(told)
 
     def _log(self, line: dict[str, Any]) -> None:
-        """Add a line to the log; the time it took stands in the checkpoint, so that logs can be compared."""
-        if self.rank != 0:
-            return
-        line = {"step": self.progress.step, **line}
-        with (self.out / LOG_FILE).open("a") as log:
-            log.write(json.dumps(line) + "\n")
-        if self.report is not None:
-            self.report(line)
+        if self.log is not None:
+            self.log.add({"step": self.progress.step, **line})
 
     def _save(self) -> None:
         now = time.monotonic()
@@ -298,6 +232,8 @@ class _Run:
         if self.rank == 0:
             self._save()
             self._write_weights("last")
+            if self.log is not None:
+                self.log.end()
             validation = self.data.validation
             shown = (validation or self.data.training, self.chosen[0]) if self.chosen else None
             draw_training(self.out / LOG_FILE, self.out / "loss.png", self.model, shown)

@@ -105,6 +105,18 @@ def test_draws_depend_on_the_generator_alone_and_have_both_orders_and_all_gaps(p
     assert {pair.source - pair.destination for pair in drawn(1)} == {-3, -2, -1, 1, 2, 3}
 
 
+@pytest.mark.parametrize(
+    ("power", "expected"), [(0.0, [1 / 3, 1 / 3, 1 / 3]), (1.0, [6 / 11, 3 / 11, 2 / 11])]
+)
+def test_gaps_are_drawn_in_proportion_to_their_power(
+    pairs: PairSet, power: float, expected: list[float]
+) -> None:
+    rng = np.random.default_rng(3)
+    drawn = [pairs.drawn(TurnSettings(), 5, rng=rng, gap_power=power) for _ in range(3000)]
+    gaps = np.abs([pair.source - pair.destination for pair in drawn])
+    assert_allclose([np.mean(gaps == gap) for gap in (1, 2, 3)], expected, atol=0.04)
+
+
 def test_a_cache_is_made_once_and_not_taken_for_another_resolution(folder: Path, tmp_path: Path) -> None:
     one = PairSet([folder], IMAGE, cache=tmp_path)
     files = sorted(tmp_path.iterdir())

@@ -1,6 +1,8 @@
 """Training: the same result whether stopped or not, what it leaves behind, what it refuses."""
 
 import json
+import sys
+import types
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,9 @@ from echoscape.learn.augment import TurnSettings
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.model import ModelSettings
 from echoscape.learn.pairs import PairSet
-from echoscape.learn.train import Data, TrainSettings, train
+from echoscape.learn.train import Data, train
+from echoscape.learn.train_settings import TrainSettings
+from echoscape.learn.training_log import TrainingLog
 from echoscape.learn.weights import read_weights
 from echoscape.sim.whole_files import DatasetError
 from tests.learn.folders import write_folder
@@ -109,6 +113,41 @@ def test_the_learning_rate_is_held_and_then_halved() -> None:
     settings = TrainSettings(learning_rate=4e-3, hold_steps=100, halve_steps=50)
     assert [settings.rate(step) for step in (0, 100, 150, 200)] == [4e-3, 4e-3, 2e-3, 1e-3]
     assert TrainSettings().rate(10**6) == 1e-3
+
+
+def test_lines_go_to_tensorboard_where_it_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[str, float, int]] = []
+
+    class Writer:
+        def __init__(self, folder: str, *, purge_step: int) -> None:
+            assert (Path(folder).name, purge_step) == ("tensorboard", 8)
+
+        def add_scalar(self, name: str, value: float, step: int) -> None:
+            told.append((name, value, step))
+
+        def close(self) -> None:
+            told.append(("closed", 0.0, 0))
+
+    module = types.ModuleType("torch.utils.tensorboard")
+    module.SummaryWriter = Writer  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", module)
+    log = TrainingLog(tmp_path)
+    log.begin(7)
+    log.add({"step": 8, "loss_m": 2.0, "validation": {"mean_m": 3.0}})
+    log.end()
+    assert told == [("training/loss_m", 2.0, 8), ("validation/mean_m", 3.0, 8), ("closed", 0.0, 0)]
+
+
+def test_without_tensorboard_the_log_is_lines_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
+    log = TrainingLog(tmp_path)
+    log.begin(0)
+    log.add({"step": 1, "loss_m": 2.0})
+    log.end()
+    assert [path.name for path in tmp_path.iterdir()] == ["log.jsonl"]
+    assert json.loads((tmp_path / "log.jsonl").read_text()) == {"step": 1, "loss_m": 2.0}
 
 
 def test_errors_of_matches_change_what_is_learned(data: Data, tmp_path: Path) -> None:
