@@ -67,7 +67,7 @@ def test_without_truth_the_codes_stay(together: list[PolarScan]) -> None:
 
 def test_settings_in_another_order_are_the_same_scans(together: list[PolarScan]) -> None:
     # More strengths than the receiver keeps results of, so that some are made anew.
-    swept = [Artefacts(leakage=0.1 * k, phase_noise=0.01 * k) for k in range(6)]
+    swept = [Artefacts(leakage=k % 2, phase_noise=0.01 * (1 + k)) for k in range(6)]
     made = simulator()
     there, back = made.scans(1, [*swept, Artefacts()]), made.scans(1, [Artefacts(), *swept[::-1]])
     for one, other in zip(there, back[::-1], strict=True):
