@@ -1,6 +1,7 @@
 """De-skewing of matches: a landmark seen by a beam that goes round in a moving car, put back exactly."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from scipy.linalg import expm
-from scipy.optimize import brentq
 from torch import Tensor
 
 from echoscape.learn.model import Matches
@@ -23,14 +23,15 @@ TURN_S, BETA_S, GAP_S = 0.25, 0.049, 0.25
 def _pose(velocity: tuple[float, float, float], time_s: float) -> NDArray[np.float64]:
     """Return the car's place after a time at steady velocities in its own frame, as a 3 x 3 matrix."""
     forward, right, yaw = velocity
-    return expm(time_s * np.array([[0, -yaw, forward], [yaw, 0, right], [0, 0, 0]]))
+    twist = np.array([[0, -yaw, forward], [yaw, 0, right], [0, 0, 0]])
+    return np.asarray(expm(time_s * twist), np.float64)
 
 
 def _seen(spot: NDArray[np.float64], velocity: tuple[float, float, float]) -> NDArray[np.float64]:
     """Return where a scan shows a spot (2,) that stands still in the frame of mid-scan."""
 
     def away(time_s: float) -> NDArray[np.float64]:
-        return (np.linalg.inv(_pose(velocity, time_s)) @ [*spot, 1.0])[:2]
+        return np.asarray(np.linalg.inv(_pose(velocity, time_s)) @ [*spot, 1.0], np.float64)[:2]
 
     def late(time_s: float) -> float:
         """How far the beam is past the spot [rad], no jump within the scan."""
@@ -38,10 +39,19 @@ def _seen(spot: NDArray[np.float64], velocity: tuple[float, float, float]) -> ND
         angle = math.atan2(*away(time_s)[::-1]) % (2 * math.pi)
         return beam - angle
 
-    time_s = brentq(late, -TURN_S / 2, TURN_S / 2, xtol=1e-14)
-    there = away(float(time_s))
+    time_s = bisect(late, -TURN_S / 2, TURN_S / 2)
+    there = away(time_s)
     beam = there / np.hypot(*there)
     return there - BETA_S * float(beam @ velocity[:2]) * beam
+
+
+def bisect(rising: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a function that rises from below 0 to above is 0."""
+    assert rising(low) < 0 < rising(high)
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if rising(middle) < 0 else (low, middle)
+    return low
 
 
 def _spots() -> NDArray[np.float64]:
