@@ -1,5 +1,6 @@
 """De-skewing of matches: a landmark seen by a beam that goes round in a moving car, put back exactly."""
 
+import cmath
 import math
 from collections.abc import Callable
 
@@ -10,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
-from scipy.linalg import expm
 from torch import Tensor
 
 from echoscape.learn.model import Matches
@@ -21,10 +21,15 @@ TURN_S, BETA_S, GAP_S = 0.25, 0.049, 0.25
 
 
 def _pose(velocity: tuple[float, float, float], time_s: float) -> NDArray[np.float64]:
-    """Return the car's place after a time at steady velocities in its own frame, as a 3 x 3 matrix."""
+    """Return the car's place after a time at steady velocities in its own frame, as a 3 x 3 matrix.
+
+    In complex numbers, forward + i right: v integrated over e^(i yaw t), with yaw no smaller than 1e-9.
+    """
     forward, right, yaw = velocity
-    twist = np.array([[0, -yaw, forward], [yaw, 0, right], [0, 0, 0]])
-    return np.asarray(expm(time_s * twist), np.float64)
+    yaw = yaw or 1e-9
+    turn = cmath.exp(1j * yaw * time_s)
+    place = complex(forward, right) * (turn - 1) / (1j * yaw)
+    return np.array([[turn.real, -turn.imag, place.real], [turn.imag, turn.real, place.imag], [0, 0, 1]])
 
 
 def _seen(spot: NDArray[np.float64], velocity: tuple[float, float, float]) -> NDArray[np.float64]:
@@ -48,7 +53,7 @@ def _seen(spot: NDArray[np.float64], velocity: tuple[float, float, float]) -> ND
 def bisect(rising: Callable[[float], float], low: float, high: float) -> float:
     """Return where a function that rises from below 0 to above is 0."""
     assert rising(low) < 0 < rising(high)
-    for _ in range(60):
+    for _ in range(45):
         middle = (low + high) / 2
         low, high = (middle, high) if rising(middle) < 0 else (low, middle)
     return low
@@ -56,7 +61,7 @@ def bisect(rising: Callable[[float], float], low: float, high: float) -> float:
 
 def _spots() -> NDArray[np.float64]:
     """Spots that no car of these tests sees at the seam of the scan, straight ahead."""
-    angle, range_m = np.linspace(0.5, 5.8, 24), np.linspace(15.0, 90.0, 24)
+    angle, range_m = np.linspace(0.5, 5.8, 12), np.linspace(15.0, 90.0, 12)
     return np.stack([range_m * np.cos(angle), range_m * np.sin(angle)], -1)
 
 
@@ -102,7 +107,7 @@ def test_the_motion_between_rolling_scans_is_exact_at_steady_velocity(
 ) -> None:
     later = _pose(velocity, GAP_S)
     earlier_spots = _spots()
-    later_spots = (np.linalg.inv(later) @ np.c_[earlier_spots, np.ones(24)].T)[:2].T
+    later_spots = (np.linalg.inv(later) @ np.c_[earlier_spots, np.ones(12)].T)[:2].T
     kept = np.abs(np.arctan2(later_spots[:, 1], later_spots[:, 0])) > 0.3
     earlier = np.stack([_seen(spot, velocity) for spot in earlier_spots[kept]])
     seen = np.stack([_seen(spot, velocity) for spot in later_spots[kept]])
@@ -123,7 +128,7 @@ def test_points_taken_as_they_are_are_off_where_the_car_turns() -> None:
     """What de-skewing is for: two scans of a bend, solved without it, are off by more than with it."""
     velocity = (10.0, 0.0, 0.6)
     later = _pose(velocity, GAP_S)
-    spots = (np.linalg.inv(later) @ np.c_[_spots(), np.ones(24)].T)[:2].T
+    spots = (np.linalg.inv(later) @ np.c_[_spots(), np.ones(12)].T)[:2].T
     kept = np.abs(np.arctan2(spots[:, 1], spots[:, 0])) > 0.3
     matches = Matches(
         source_m=_tensor(np.stack([_seen(spot, velocity) for spot in spots[kept]])),
