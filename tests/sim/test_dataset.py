@@ -153,19 +153,23 @@ def _wait_for_scan(out: Path, process: subprocess.Popen[str]) -> None:
 
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_killed_run_resumes_to_the_same_bytes(made: Path, tmp_path: Path, workers: str) -> None:
-    process = _start(tmp_path, "--workers", workers)
-    _wait_for_scan(tmp_path, process)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.communicate()
-    whole = {path: path.stat().st_mtime_ns for path in tmp_path.glob("radar/*.png")}
+    for attempt in range(5):  # on a busy machine all four scans may be there before anybody looks
+        out = tmp_path / str(attempt)
+        process = _start(out, "--workers", workers)
+        _wait_for_scan(out, process)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        whole = {path: path.stat().st_mtime_ns for path in out.glob("radar/*.png")}
+        if len(whole) < RECIPE.scans:
+            break
     assert 0 < len(whole) < RECIPE.scans
-    write_dataset(tmp_path, RECIPE, resume=True)
+    write_dataset(out, RECIPE, resume=True)
     assert {path: path.stat().st_mtime_ns for path in whole} == whole
-    _assert_same_bytes(tmp_path, made)
+    _assert_same_bytes(out, made)
 
 
 def test_interrupted_run_ends_with_130_and_a_hint(tmp_path: Path) -> None:
-    process = _start(tmp_path)
+    process = _start(tmp_path, "--scans", "200")
     _wait_for_scan(tmp_path, process)
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=60)
