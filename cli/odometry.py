@@ -35,6 +35,9 @@ class Options:
     """learned: keypoints; fourier: phase correlation, which needs no weights."""
     weights: Path | None = None
     """Weights of the learned method; by default those that came with the package."""
+    resolution: float | None = None
+    """Which of the weights that came along: width of a pixel [m]; by default the coarsest, which are
+    the fastest."""
     compensate: bool = False
     """Move keypoints to mid-scan and undo their Doppler shifts, at the velocity that each pair tells, before
     its pose is solved. Learned method only."""
@@ -70,6 +73,8 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
 
     if options.weights is not None and options.method != "learned":
         raise ValueError(f"--weights go with --method learned only, got --method {options.method}")
+    if options.resolution is not None and (options.weights is not None or options.method != "learned"):
+        raise ValueError("--resolution chooses among the learned method's own weights: not with --weights")
     if options.compensate and options.method != "learned":
         raise ValueError(f"--compensate goes with --method learned only, got --method {options.method}")
     if options.any_heading < 0:
@@ -107,11 +112,12 @@ def _estimator(options: Options, folder: "ScanFolder") -> "Estimator[Any]":
         from echoscape.eval.baselines import FourierOdometry
 
         return FourierOdometry(range_offset_m=folder.range_offset_m)
-    from echoscape.eval.learned import learned_odometry
+    from echoscape.eval.learned import chosen_weights, learned_odometry
 
     # Sweeps that alternate shift every other row the other way: on average not at all.
     shift_s = -float(folder.sensor.doppler_shift_s.mean()) if options.compensate else None
-    return learned_odometry(options.weights, range_offset_m=folder.range_offset_m, doppler_beta_s=shift_s)
+    weights = options.weights or chosen_weights(options.resolution)
+    return learned_odometry(weights, range_offset_m=folder.range_offset_m, doppler_beta_s=shift_s)
 
 
 def _table(figures: "dict[str, Any]") -> Table:

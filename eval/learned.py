@@ -14,11 +14,32 @@ from echoscape.learn.weights import read_weights
 from echoscape.sim.polar_scan import PolarScan
 from echoscape.sim.whole_files import DatasetError
 
+_PREFIX = "keypoints_"
 
-def shipped_weights() -> Path | None:
-    """Return the weights that came with the package, None where it came without."""
-    found = sorted((Path(next(iter(learn.__path__))) / "weights_files").glob("*.safetensors"))
-    return found[0] if found else None
+
+def shipped_weights() -> dict[float, Path]:
+    """Return the files of weights that came with the package by their pixels' width [m], coarsest first."""
+    folder = Path(next(iter(learn.__path__))) / "weights_files"
+    found = {float(path.stem.removeprefix(_PREFIX)): path for path in folder.glob(f"{_PREFIX}*.safetensors")}
+    return dict(sorted(found.items(), reverse=True))
+
+
+def chosen_weights(resolution_m: float | None = None) -> Path:
+    """Return the shipped weights for pixels of a width [m], by default the coarsest, which are the fastest.
+
+    Raises:
+        DatasetError: none came along, or none for that width.
+    """
+    found = shipped_weights()
+    if not found:
+        raise DatasetError(
+            "no weights came with this package: name a file with --weights, or take --method fourier"
+        )
+    if resolution_m is None:
+        return next(iter(found.values()))
+    if resolution_m not in found:
+        raise DatasetError(f"resolution must be one of {', '.join(map(str, found))}, got {resolution_m}")
+    return found[resolution_m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,19 +116,12 @@ class LearnedOdometry:
 
 
 def learned_odometry(
-    weights: Path | None = None, *, range_offset_m: float = 0.0, doppler_beta_s: float | None = None
+    weights: Path, *, range_offset_m: float = 0.0, doppler_beta_s: float | None = None
 ) -> LearnedOdometry:
-    """Return the odometry with the weights in a file, or with those that came with the package.
-
-    For the other arguments see `LearnedOdometry`.
+    """Return the odometry with the weights in a file; for the other arguments see `LearnedOdometry`.
 
     Raises:
-        DatasetError: the file is no weights, or none was named and none came along.
+        DatasetError: the file is no weights.
     """
-    path = weights or shipped_weights()
-    if path is None:
-        raise DatasetError(
-            "no weights came with this package: name a file with --weights, or take --method fourier"
-        )
-    model, _ = read_weights(path)
+    model, _ = read_weights(weights)
     return LearnedOdometry(Estimator(model), range_offset_m=range_offset_m, doppler_beta_s=doppler_beta_s)

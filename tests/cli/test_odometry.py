@@ -70,7 +70,7 @@ def test_learned_run_tells_its_matches(points: Path, weights: Path, tmp_path: Pa
 def test_learned_method_without_weights_says_what_to_do(
     points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("echoscape.eval.learned.shipped_weights", lambda: None)
+    monkeypatch.setattr("echoscape.eval.learned.shipped_weights", dict)
     line = refusal(capsys, str(points), "--out", str(tmp_path / "out"))
     assert "no weights" in line
     assert "--weights" in line

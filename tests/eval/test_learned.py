@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 
 from echoscape.eval.estimator import PairFailed
-from echoscape.eval.learned import LearnedOdometry, TimedFeatures, learned_odometry
+from echoscape.eval.learned import (
+    LearnedOdometry,
+    TimedFeatures,
+    chosen_weights,
+    learned_odometry,
+    shipped_weights,
+)
 from echoscape.learn.augment import PlaneMotion
 from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures
 from echoscape.learn.rolling import Rolling
+from echoscape.learn.weights import read_weights
 from echoscape.sim.whole_files import DatasetError
 from tests.eval.drives import landmarks, scan_of
 
@@ -87,3 +94,19 @@ def test_what_is_no_weights_is_told(tmp_path: Path) -> None:
     (tmp_path / "w.safetensors").write_bytes(b"nothing")
     with pytest.raises(DatasetError, match=r"w\.safetensors"):
         learned_odometry(tmp_path / "w.safetensors")
+
+
+def test_weights_are_chosen_by_resolution_the_coarsest_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    files = {0.6912: Path("coarse"), 0.3456: Path("fine")}
+    monkeypatch.setattr("echoscape.eval.learned.shipped_weights", lambda: files)
+    assert chosen_weights() == Path("coarse")
+    assert chosen_weights(0.3456) == Path("fine")
+    with pytest.raises(DatasetError, match=r"resolution must be one of 0\.6912, 0\.3456, got 1\.0"):
+        chosen_weights(1.0)
+
+
+def test_weights_that_came_along_are_of_the_resolution_that_they_are_named_for() -> None:
+    for pixel_m, path in shipped_weights().items():
+        model, record = read_weights(path)
+        assert model.settings.image.pixel_m == pixel_m
+        assert record["data"]
