@@ -21,16 +21,16 @@ class PlaneMotion:
 
 @dataclass(frozen=True, kw_only=True)
 class TurnSettings:
-    """How pairs are turned.
-
-    common: whether both get a random heading; largest_rad: of the relative turn, which is reached at
-    `full_step` and grows evenly from 0 at `first_step`.
-    """
+    """How pairs are turned."""
 
     common: bool = True
+    """Turn both pictures by a random heading."""
     largest_rad: float = math.pi
+    """Largest turn of one picture against the other, either way [rad, 0 to pi]."""
     first_step: int = 2000
+    """Step of training up to which neither picture is turned against the other."""
     full_step: int = 20_000
+    """Step of training from which turns are up to the largest, after an even growth."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.largest_rad <= math.pi:

@@ -19,40 +19,50 @@ DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 
 @dataclass(frozen=True, kw_only=True)
 class TrainSettings:
-    """How a model is trained.
-
-    seed: of all draws; steps: of Adam; pairs: a step and process; learning_rate: up to hold_steps, from there
-    on halved every halve_steps (0: never), evenly; alpha_m: weight of rotation in the loss; match_weight: of
-    the matches' own error in it (0: poses alone supervise), match_reach_m: beyond which an error teaches the
-    weights no more; clip: largest norm of the gradients; match_stride: 2 searches every second pixel in
-    training; network, products: number formats of the convolutions and of the matching's products; turns: of
-    the pictures; gap_power: pairs g scans apart are drawn in proportion to g^-gap_power; validate_every,
-    validate_pairs: steps between validations and pairs of one; log_every: steps averaged in a line of the
-    log; save_every, save_minutes: between checkpoints; patience: validations without a better one after which
-    training ends, 0 for never.
-    """
+    """How a model is trained."""
 
     seed: int = 0
+    """Seed of everything that is drawn: first weights, pairs, turns."""
     steps: int = 30_000
+    """Steps of Adam."""
     pairs: int = 1
+    """Pairs of scans of a step, for each process."""
     learning_rate: float = 1e-3
+    """Adam's learning rate at the start."""
     hold_steps: int = 0
+    """Steps before the rate begins to fall."""
     halve_steps: int = 0
+    """Steps in which the rate then halves, evenly; 0: never."""
     alpha_m: float = ALPHA_M
+    """Weight of the rotation's error in the loss [m]."""
     match_weight: float = 0.0
+    """Weight of the matches' own error in the loss [m/m]; 0: poses alone supervise."""
     match_reach_m: float = 5.0
+    """Error of a match beyond which it teaches the weights no more [m]."""
     clip: float = 10.0
+    """Largest norm of the gradients; longer ones are shortened to it."""
     match_stride: Literal[1, 2] = 2
+    """1 searches every pixel for matches in training, 2 every second a side."""
     network: Literal["float32", "bfloat16"] = "bfloat16"
+    """Number format of the convolutions."""
     products: Literal["float32", "bfloat16"] = "float32"
+    """Number format of the matching's products."""
     turns: TurnSettings = field(default_factory=TurnSettings)
+    """How pictures are turned."""
     gap_power: float = 0.0
+    """Pairs g scans apart are drawn in proportion to g^-gap_power; 0: all gaps alike."""
     validate_every: int = 500
+    """Steps between validations."""
     validate_pairs: int = 64
+    """Pairs of a validation."""
     log_every: int = 20
+    """Steps whose mean makes a line of the log."""
     save_every: int = 500
+    """Steps between checkpoints."""
     save_minutes: float = 10.0
+    """Time after which a checkpoint is written sooner, single process only [min]."""
     patience: int = 0
+    """Validations without a better one after which training ends; 0: never."""
 
     def __post_init__(self) -> None:
         for name in ("steps", "pairs", "validate_every", "validate_pairs", "log_every", "save_every"):

@@ -30,22 +30,26 @@ _ROUTE, _WANDER, _MOOD, _STOPS, _VIGOUR = range(100, 105)
 
 @dataclass(frozen=True, kw_only=True)
 class DriveSettings:
-    """What a drive is made with.
-
-    `knot_s` is the clock of the trajectory; `corner_m` the sigma that smooths corners; `wander_m` the rms of
-    the sideways wander and `wander_length_m` its slowness; `stop_line_m` the distance of a stopped car's
-    middle from its lane's end; the first stop comes no sooner than `free_start_m`.
-    """
+    """What a drive is made with."""
 
     route: RouteSettings = field(default_factory=RouteSettings)
+    """Which streets are taken."""
     speed: SpeedSettings = field(default_factory=SpeedSettings)
+    """How fast they are driven."""
     knot_s: float = 0.05
+    """Step of the trajectory's clock [s]."""
     corner_m: float = 1.0
+    """Sigma of the Gaussian along the path that smooths corners [m]."""
     wander_m: float = 0.08
+    """Sideways wander within the lane, rms [m]."""
     wander_length_m: float = 12.0
+    """Distance over which the wander changes, the sigma of its Gaussian [m]."""
     rear_axle_m: float = 0.9
+    """Distance of the rear axle, which does not slip, behind the car's middle [m]."""
     stop_line_m: float = 4.4
+    """Distance of a stopped car's middle from its lane's end [m]."""
     free_start_m: float = 25.0
+    """Distance from the start within which the car does not stop [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)

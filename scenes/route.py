@@ -22,16 +22,16 @@ _MIN_START_LANE_M = 40.0
 
 @dataclass(frozen=True, kw_only=True)
 class RouteSettings:
-    """How a route mixes new streets with known ones.
-
-    `revisit_share` of the street length is steered to be known ground; a return follows `retrace_m` of the
-    old course on average, an excursion lasts `explore_m`; a u-turn is due after `u_turn_every_m`.
-    """
+    """How a route mixes new streets with known ones."""
 
     revisit_share: float = 0.48
+    """Share of the street length that is steered to be known ground [m/m]."""
     explore_m: float = 350.0
+    """Mean length of an excursion to little-driven streets; returns begin after it [m]."""
     retrace_m: float = 350.0
+    """Mean length of the old course that a return follows, either way round [m]."""
     u_turn_every_m: float = 2000.0
+    """Distance without a u-turn after which one is due [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)

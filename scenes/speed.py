@@ -20,33 +20,38 @@ _TRUNCATE = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedSettings:
-    """Habits of the driver; tuned so that long town drives have the measured speeds of the real car.
-
-    `town_cruise_mps` (low, mode, high) is the triangular law of the speed a stretch of mean length
-    `stretch_m` is driven at where the limit is a town's; above `open_limit_mps` the share `open_share` (low,
-    high) of the limit is. Bends are taken at `bend_mps2` (low, high), turned at no more than `yaw_rate_rps`
-    (low, high). A lane's end is stopped at with the chance `stop_chance`, `yield_chance` where it gives way;
-    a stop lasts `stop_s` on average, within `stop_range_s`. Accelerations are drawn a stretch from
-    `speed_up_mps2` and `brake_mps2` (low, high).
-
-    `unrest` is the rms of the slow ups and downs of the wanted speed, as a share of it.
-    """
+    """Habits of the driver; tuned so that long town drives have the measured speeds of the real car."""
 
     town_cruise_mps: tuple[float, float, float] = (2.6, 7.9, 11.0)
+    """Triangular law (low, mode, high) of the speed at town limits, drawn for each stretch [m/s]."""
     stretch_m: float = 90.0
+    """Mean length of a stretch, along which the driver's mood stays the same [m]."""
     open_limit_mps: float = 17.0
+    """Speed limit above which a road counts as open country [m/s]."""
     open_share: tuple[float, float] = (0.8, 1.0)
+    """Speed in open country over its limit (low, high), drawn for each stretch [1]."""
     bend_mps2: tuple[float, float] = (0.9, 2.0)
+    """Sideways acceleration in bends (low, high), drawn for each stretch [m/s^2]."""
     yaw_rate_rps: tuple[float, float] = (0.26, 0.58)
+    """Fastest turning in bends (low, high), drawn for each stretch [rad/s]."""
     stop_chance: float = 0.42
+    """Chance of a stop at a street lane's end that has the right of way [0 to 1]."""
     yield_chance: float = 0.62
+    """Chance of a stop at a street lane's end that gives way [0 to 1]."""
     stop_s: float = 12.0
+    """Mean length of a stop before it is kept within its range [s]."""
     stop_range_s: tuple[float, float] = (2.0, 40.0)
+    """Shortest and longest stop [s]."""
     speed_up_mps2: tuple[float, float] = (0.9, 2.7)
+    """Acceleration (low, high), drawn for each stretch [m/s^2]."""
     brake_mps2: tuple[float, float] = (0.9, 2.4)
+    """Deceleration (low, high), drawn for each stretch [m/s^2]."""
     smoothing_s: float = 0.35
+    """Sigma of the Gaussian over time that bounds the jerk [s]."""
     unrest: float = 0.03
+    """Slow ups and downs of the wanted speed, rms over that speed [1]."""
     unrest_length_m: float = 8.0
+    """Distance over which they change, the sigma of their Gaussian [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,15 +28,16 @@ _CELL_M = 50.0
 
 @dataclass(frozen=True, kw_only=True)
 class TrafficSettings:
-    """How much traffic there is: per square kilometre within `near_m` of the drive.
-
-    `step_s` is the simulation's step and the clock of the tracks.
-    """
+    """How much traffic there is about the drive."""
 
     vehicles_per_km2: float = 70.0
+    """Vehicles over the area near the drive, as far as there is room for them [1/km^2]."""
     pedestrians_per_km2: float = 60.0
+    """People on foot over the area near the drive [1/km^2]."""
     near_m: float = 250.0
+    """Distance from the drive that is near: others start there, and vehicles prefer to stay [m]."""
     step_s: float = 0.2
+    """Step of the traffic's simulation and of the vehicles' tracks [s]."""
 
 
 def plan_traffic(
