@@ -63,7 +63,7 @@ def _first_sentence(box: str) -> str:
 def said(option: str, arguments: Sequence[str]) -> str | None:
     """Return the value that `--option VALUE` or `--option=VALUE` has in `arguments`, the last one said."""
     value = None
-    for word, following in zip(arguments, [*arguments[1:], None], strict=True):
+    for word, following in zip(arguments, [*arguments, None][1:], strict=True):
         if word == option and following is not None:
             value = following
         elif word.startswith(f"{option}="):

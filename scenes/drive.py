@@ -12,6 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import root_scalar
 from scipy.signal import lfilter
 
+from echoscape.scenes.limits import check_between
 from echoscape.scenes.path import Path, smooth_path
 from echoscape.scenes.roads import RoadGraph
 from echoscape.scenes.route import Route, RouteSettings, plan_route
@@ -50,6 +51,12 @@ class DriveSettings:
     """Distance of a stopped car's middle from its lane's end [m]."""
     free_start_m: float = 25.0
     """Distance from the start within which the car does not stop [m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse ways that leave the road, and what memory gives out over, naming the field."""
+        check_between(
+            self, knot_s=(0.005, 0.5), corner_m=(0.05, 20), wander_m=(0, 2), wander_length_m=(0.1, 1000)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

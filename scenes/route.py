@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from echoscape.scenes.limits import check_between
 from echoscape.scenes.roads import Lane, RoadGraph
 
 _U_TURN_COST_M = 300.0
@@ -32,6 +33,10 @@ class RouteSettings:
     """Mean length of the old course that a return follows, either way round [m]."""
     u_turn_every_m: float = 2000.0
     """Distance without a u-turn after which one is due [m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a share that is none, naming the field."""
+        check_between(self, revisit_share=(0, 1))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
+from echoscape.scenes.limits import check_between, check_rising
 from echoscape.scenes.path import slow_noise
 
 _CRAWL_MPS = 0.3
@@ -52,6 +53,24 @@ class SpeedSettings:
     """Slow ups and downs of the wanted speed, rms over that speed [1]."""
     unrest_length_m: float = 8.0
     """Distance over which they change, the sigma of their Gaussian [m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse habits that nobody can have, naming the field."""
+        check_between(
+            self,
+            stretch_m=(1, 10_000),
+            open_share=(0, 1),
+            stop_chance=(0, 1),
+            yield_chance=(0, 1),
+            stop_range_s=(0, 3600),
+            smoothing_s=(0.01, 10),
+            unrest=(0, 0.3),
+            unrest_length_m=(0.1, 1000),
+        )
+        check_rising(
+            self, "town_cruise_mps", "open_share", "bend_mps2", "yaw_rate_rps", "speed_up_mps2", "brake_mps2"
+        )
+        check_rising(self, "stop_range_s", above_zero=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +129,7 @@ def triangular_quantile(
     share: NDArray[np.float64], low: float, mode: float, high: float
 ) -> NDArray[np.float64]:
     """Return the quantiles (...) of the triangular law at `share` (...) in [0, 1]."""
-    knee = (mode - low) / (high - low)
+    knee = (mode - low) / (high - low) if high > low else 0.0
     rising = low + np.sqrt(share * (high - low) * (mode - low))
     falling = high - np.sqrt((1 - share) * (high - low) * (high - mode))
     return np.where(share < knee, rising, falling)

@@ -14,6 +14,7 @@ from scipy.spatial import KDTree
 from echoscape.scenes.collisions import EGO, overlaps
 from echoscape.scenes.drive import EGO_EXTENT_M, Drive
 from echoscape.scenes.drivers import vehicle_tracks
+from echoscape.scenes.limits import check_between
 from echoscape.scenes.pedestrians import pedestrian_tracks
 from echoscape.scenes.roads import RoadGraph
 from echoscape.scenes.trajectory import Trajectory
@@ -38,6 +39,16 @@ class TrafficSettings:
     """Distance from the drive that is near: others start there, and vehicles prefer to stay [m]."""
     step_s: float = 0.2
     """Step of the traffic's simulation and of the vehicles' tracks [s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse crowds that no road has room for, naming the field."""
+        check_between(
+            self,
+            vehicles_per_km2=(0, 1000),
+            pedestrians_per_km2=(0, 5000),
+            near_m=(1, 2000),
+            step_s=(0.02, 1),
+        )
 
 
 def plan_traffic(

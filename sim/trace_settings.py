@@ -3,24 +3,31 @@
 import math
 from dataclasses import dataclass
 
+MOST_RAYS = 4096
+"""The most rays of a row: beyond, a scan's echoes take gigabytes of memory."""
+FLOOR_DB = (-60.0, 60.0)
+"""Where the floor may lie [dB]: further down nothing more would be found, further up nothing is left."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class TraceSettings:
     """How finely and how far a scan is traced."""
 
     rays: int = 256
-    """Rays of a row, a square number."""
+    """Rays of a row, a square number from 16 to 4096."""
     max_bounces: int = 3
     """Surfaces that a path may meet, out and back; 1 leaves direct echoes only."""
     floor_db: float = -8.0
-    """Echoes weaker than this against the mean thermal noise are left out [dB]."""
+    """Echoes weaker than this against the mean thermal noise are left out [dB, -60 to 60]."""
 
     def __post_init__(self) -> None:
-        """Refuse settings that trace nothing."""
+        """Refuse settings that trace nothing, or more than memory holds."""
         side = math.isqrt(max(self.rays, 0))
-        if side * side != self.rays or side < 4:
-            raise ValueError(f"rays must be a square number of 16 or more, got {self.rays}")
+        if side * side != self.rays or not 16 <= self.rays <= MOST_RAYS:
+            raise ValueError(f"rays must be a square number from 16 to {MOST_RAYS}, got {self.rays}")
         if not 1 <= self.max_bounces <= 9:
             raise ValueError(f"max_bounces must be between 1 and 9, got {self.max_bounces}")
-        if not math.isfinite(self.floor_db):
-            raise ValueError(f"floor_db must be finite, got {self.floor_db}")
+        if not FLOOR_DB[0] <= self.floor_db <= FLOOR_DB[1]:
+            raise ValueError(
+                f"floor_db must be between {FLOOR_DB[0]:g} and {FLOOR_DB[1]:g}, got {self.floor_db}"
+            )

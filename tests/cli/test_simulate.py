@@ -37,17 +37,28 @@ BAD = {
     "--trace.rays 17": "trace.rays must be a square number",
     "--trace.rays -1": "trace.rays must be a square number",
     "--trace.max-bounces 0": "max_bounces must be between 1 and 9",
-    "--trace.floor-db nan": "floor_db must be finite",
+    "--trace.rays 1000000": "trace.rays must be a square number from 16 to 4096, got 1000000",
+    "--trace.floor-db nan": "trace.floor_db must be between -60 and 60, got nan",
+    "--trace.floor-db 1e9": "trace.floor_db must be between -60 and 60, got 1000000000",
+    "--trace.floor-db=-1000": "trace.floor_db must be between -60 and 60, got -1000",
     "--sensor.bandwidth-hz nan": "bandwidth_hz must be finite, got nan",
     "--sensor.bandwidth-hz -1": "bandwidth_hz must be above 0",
     "--sensor.bin-m inf": "bin_m must be finite, got inf",
     "--sensor.azimuths 0": "azimuths must be above 0",
     "--sensor.rotation-jitter-s -1": "sensor.rotation_jitter_s must be 0 or more",
     "--sensor.window square": "--sensor.window",
-    "--drive.wander-m nan": "drive.wander_m must be finite, got nan",
+    "--drive.wander-m nan": "drive.wander_m must be between 0 and 2, got nan",
+    "--drive.wander-m 1e9": "drive.wander_m must be between 0 and 2, got 1e+09",
+    "--drive.route.revisit-share 2": "drive.route.revisit_share must be between 0 and 1, got 2",
+    "--drive.speed.stop-chance 2": "drive.speed.stop_chance must be between 0 and 1, got 2",
+    "--drive.speed.town-cruise-mps 9 5 2": "town_cruise_mps must not fall from low to high, got 9 5 2",
+    "--drive.speed.brake-mps2 2 1": "drive.speed.brake_mps2 must not fall from low to high, got 2 1",
+    "--drive.speed.brake-mps2 0 0": "drive.speed.brake_mps2 must be finite and above 0, got 0 0",
+    "--drive.speed.bend-mps2 0 0": "drive.speed.bend_mps2 must be finite and above 0, got 0 0",
     "--drive.speed.stop-s -1": "drive.speed.stop_s must be 0 or more, got -1",
-    "--traffic.near-m 0": "traffic.near_m must be above 0",
-    "--traffic.vehicles-per-km2 inf": "traffic.vehicles_per_km2 must be finite, got inf",
+    "--traffic.near-m 0": "traffic.near_m must be between 1 and 2000, got 0",
+    "--traffic.vehicles-per-km2 inf": "traffic.vehicles_per_km2 must be between 0 and 1000, got inf",
+    "--traffic.vehicles-per-km2 1e9": "traffic.vehicles_per_km2 must be between 0 and 1000, got 1e+09",
     "--no-such-option": "no-such-option",
     "--scene none.toml": "none.toml: cannot be read (No such file or directory)",
     "--targets none.toml": "none.toml: cannot be read (No such file or directory)",
@@ -68,6 +79,16 @@ def test_bad_input_is_told_and_leaves_nothing(
     assert captured.err.startswith("echoscape simulate: ")
     assert len(captured.err.splitlines()) == 1
     assert captured.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_word_the_folder_is_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["simulate"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("echoscape simulate: Missing from echoscape simulate: OUT")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -245,7 +245,17 @@ def test_empty_world_is_silent() -> None:
     assert np.isinf(echoes.first_m).all()
 
 
-@pytest.mark.parametrize(("field", "value"), [("max_bounces", 0), ("floor_db", math.nan)])
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("max_bounces", 0),
+        ("floor_db", math.nan),
+        ("floor_db", -60.1),
+        ("floor_db", 60.1),
+        ("rays", 4225),
+        ("rays", 9),
+    ],
+)
 def test_settings_refuse_nonsense(field: str, value: Any) -> None:
     with pytest.raises(ValueError, match=field):
         TraceSettings(**{field: value})
