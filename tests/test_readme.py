@@ -1,4 +1,4 @@
-"""The README's promises: its Python example runs, what it links to is there."""
+"""The README's promises: its Python examples run, what it links to is there."""
 
 import re
 import subprocess
@@ -9,11 +9,14 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 
 
-def test_python_example_runs_and_prints_what_it_says(tmp_path: Path) -> None:
-    (example,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    assert len(example.strip().splitlines()) < 10
+def test_python_examples_run_one_after_the_other_and_print_what_they_say(tmp_path: Path) -> None:
+    examples = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    assert len(examples) == 3
+    assert max(len(example.strip().splitlines()) for example in examples) < 12
+    assert not re.search(r"^ {4}\S", README, re.MULTILINE)  # code that would not be run
+    code = "".join(examples)
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", example],
+        [sys.executable, "-W", "error", "-c", code],
         cwd=tmp_path,
         capture_output=True,
         text=True,
@@ -21,8 +24,9 @@ def test_python_example_runs_and_prints_what_it_says(tmp_path: Path) -> None:
         timeout=300,
     )
     assert done.returncode == 0, done.stderr
-    (promised,) = re.findall(r"print\(.*\)  # (.*)", example)
-    assert done.stdout.strip() == promised
+    promised = re.findall(r"print\(.*\)  # (.*)", code)
+    assert len(promised) == len(examples)
+    assert done.stdout.splitlines() == promised
 
 
 def test_linked_files_are_there() -> None:
