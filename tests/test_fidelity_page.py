@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -11,6 +12,9 @@ from echoscape.eval.effects import EFFECTS
 from echoscape.eval.fidelity import span_text, tolerance_text
 from echoscape.eval.fidelity_targets import TARGETS
 from echoscape.sim import variation
+from echoscape.sim.antenna import Antenna
+from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.hearing import MAIN_ROWS
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE = (DOCS / "fidelity.md").read_text()
@@ -52,6 +56,19 @@ def test_the_ranges_of_the_variations_are_those_of_the_code() -> None:
     }
     assert listed == drawn
     assert f"in {100 * variation.BLOCKED_CHANCE:g} % of the datasets" in PAGE
+
+
+def test_levels_of_the_sidelobes_are_those_of_the_beam() -> None:
+    section = PAGE.partition("### Sidelobes")[2].partition("###")[0]
+    (begin,) = set(re.findall(r"([\d.]+) deg off", section))
+    assert float(begin) == pytest.approx(MAIN_ROWS * 360 / CTS350X.azimuths)
+    told = [(float(db), float(deg)) for db, deg in re.findall(r"(-\d+) dB at ([\d.]+) deg", section)]
+    assert len(told) == 4
+    assert told[0][1] == float(begin)
+    beam = Antenna(sensor=CTS350X)
+    for level_db, off_deg in told:
+        gain = np.interp(np.deg2rad(off_deg), beam.azimuth_grid_rad, beam.azimuth_two_way)
+        assert 10 * np.log10(gain / beam.azimuth_two_way.max()) == pytest.approx(level_db, abs=0.6)
 
 
 def test_tables_are_put_into_their_places_only() -> None:
