@@ -5,6 +5,7 @@ Switching one off changes only what it causes: the town, the echoes and the rand
 
 import math
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -61,11 +62,13 @@ class Artefacts:
             if isinstance(value, (bool, np.bool_)):
                 value = _switched(field.name, field.default, on=bool(value))
                 object.__setattr__(self, field.name, value)
-            if value is None:
+            if value is None and field.default is None:
                 continue
+            if not isinstance(value, Real):
+                raise ValueError(f"{field.name} must be a number or a bool, got {value!r}")
             most = _MOST.get(field.name, math.inf)
             if not (math.isfinite(value) and 0 <= value <= most):
-                limit = "0 or more" if most == math.inf else f"between 0 and {most:g}"
+                limit = "finite and 0 or more" if most == math.inf else f"between 0 and {most:g}"
                 raise ValueError(f"{field.name} must be {limit}, got {value}")
             object.__setattr__(self, field.name, float(value))
 
@@ -81,7 +84,15 @@ class Artefacts:
         return Strengths(**{name: own[name] if value is None else value for name, value in given.items()})
 
     def without(self, *names: str) -> "Artefacts":
-        """Return the same with some switched off."""
+        """Return the same with some switched off.
+
+        Raises:
+            ValueError: there is no artefact of a name.
+        """
+        known = [field.name for field in fields(self)]
+        for name in names:
+            if name not in known:
+                raise ValueError(f"an artefact must be one of {', '.join(known)}, got {name!r}")
         return replace(self, **dict.fromkeys(names, 0.0))
 
 

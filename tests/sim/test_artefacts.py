@@ -1,7 +1,7 @@
 """Artefacts: 0 is off, strengths go by their units, and each leaves alone what it does not cause."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import Field, fields, replace
 from functools import cache
 from itertools import pairwise
 
@@ -105,6 +105,21 @@ def test_false_is_nothing_and_what_is_no_strength_is_refused(name: str) -> None:
     for bad in (-0.1, math.nan, math.inf):
         with pytest.raises(ValueError, match=f"{name} must be .* got {bad}"):
             replace(Artefacts(), **{name: bad})
+
+
+@pytest.mark.parametrize("each", fields(Artefacts), ids=lambda each: each.name)
+def test_what_is_no_number_is_refused_by_name_and_none_is_the_sensors_own(each: Field) -> None:
+    for bad in ("a", (1.0,), *([] if each.default is None else [None])):
+        with pytest.raises(ValueError, match=f"^{each.name} must be a number or a bool, got "):
+            replace(Artefacts(), **{each.name: bad})
+    if each.default is None:
+        assert replace(Artefacts(), **{each.name: None}) == Artefacts()
+    assert replace(Artefacts(), **{each.name: np.float32(0.25)}) == replace(Artefacts(), **{each.name: 0.25})
+
+
+def test_unknown_artefact_is_not_switched_off() -> None:
+    with pytest.raises(ValueError, match=r"an artefact must be one of speckle, .*, got 'foo'"):
+        Artefacts().without("ghosts", "foo")
 
 
 @pytest.mark.parametrize("name", [each.name for each in fields(Artefacts)])
