@@ -110,6 +110,7 @@ def _simulate(options: Options, recipe: Recipe) -> int:
                 stages.report("preview", 0, 1)
                 _draw(options.out)
                 stages.report("preview", 1, 1)
+        summary = _summary(options, recipe, seconds=time.monotonic() - start)
     except KeyboardInterrupt:
         hint = (
             "add --resume to go on"
@@ -124,7 +125,7 @@ def _simulate(options: Options, recipe: Recipe) -> int:
     except OSError as error:
         whole = " The scans made so far are whole; add --resume to go on." if options.out.exists() else ""
         return _refused(f"OUT {options.out}: {error}.{whole}", 1 if whole else 2)
-    Console().print(_summary(options, recipe, seconds=time.monotonic() - start))
+    Console().print(summary)
     return 0
 
 

@@ -3,6 +3,8 @@
 glTF has y upwards (Khronos glTF 2.0, section 3.4); the root node turns the town's z up to that.
 """
 
+from pathlib import Path
+
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
@@ -57,6 +59,19 @@ def town_to_glb(town: Town) -> bytes:
     if not isinstance(data, bytes):
         raise TypeError(f"expected bytes from the glb exporter, got {type(data).__name__}")
     return data
+
+
+def is_whole_glb(path: Path) -> bool:
+    """Whether a file is there and as long as its header says; the rest is not read.
+
+    Khronos glTF 2.0, section 4.4.2: "glTF", version and length of the whole file, little-endian 32 bits each.
+    """
+    try:
+        with path.open("rb") as file:
+            header = file.read(12)
+        return header[:4] == b"glTF" and int.from_bytes(header[8:], "little") == path.stat().st_size
+    except FileNotFoundError:
+        return False
 
 
 def _geometry(mesh: Mesh, material: str) -> trimesh.Trimesh:

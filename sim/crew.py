@@ -25,7 +25,7 @@ from echoscape.sim.array_files import ends_as_archive
 from echoscape.sim.beat_files import write_beat
 from echoscape.sim.polar_scan import EPOCH_US, PolarScan
 from echoscape.sim.recipe import Recipe
-from echoscape.sim.scan_png import ends_as_png
+from echoscape.sim.scan_png import is_whole_png
 from echoscape.sim.truth_files import write_truth
 from echoscape.sim.whole_files import remove_temporaries, temporary_beside
 
@@ -98,9 +98,9 @@ def whole_scans(out: Path, recipe: Recipe) -> set[str]:
 
 
 def _is_whole(out: Path, recipe: Recipe, stem: str) -> bool:
-    """Whether all files of a scan are there to their ends; a copy that broke off may have cut them short."""
+    """Whether all files of a scan are there to their ends and its picture is undamaged."""
     archives = [out / name / f"{stem}.npz" for name in scan_folders(recipe)[1:]]
-    return ends_as_png(recipe.folder_layout.scan_path(out, stem)) and all(map(ends_as_archive, archives))
+    return is_whole_png(recipe.folder_layout.scan_path(out, stem)) and all(map(ends_as_archive, archives))
 
 
 class ScanMaker:

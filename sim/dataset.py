@@ -12,21 +12,22 @@ from pathlib import Path
 import numpy as np
 
 from echoscape.scenes.drive import Drive
-from echoscape.scenes.export import town_to_glb
+from echoscape.scenes.export import is_whole_glb, town_to_glb
 from echoscape.scenes.traffic import plan_traffic
 from echoscape.sim.crew import Scenery, make_scans, scan_folders, whole_scans
 from echoscape.sim.layout import ScanRecord
 from echoscape.sim.manifest import FILE_NAME, difference, manifest, manifest_text, read_manifest
 from echoscape.sim.recipe import Recipe
 from echoscape.sim.stage import staged
-from echoscape.sim.tracks import movers_csv, tracks_csv
+from echoscape.sim.tracks import ends_as_table, movers_csv, tracks_csv
 from echoscape.sim.truth_files import read_arrays
 from echoscape.sim.whole_files import DatasetError, remove_temporaries, write_whole
 
 Progress = Callable[[str, int, int], None]
 """Called with a stage (town, traffic, scene, scans), how much of it is done, and how much there is to do."""
 
-SCENERY_FILES = ("scene.glb", "movers.csv", "tracks.csv")
+TABLES = ("movers.csv", "tracks.csv")
+"""Tables of who moves and where."""
 
 
 def write_dataset(
@@ -57,8 +58,8 @@ def write_dataset(
     try:
         _claim(out, recipe)
         missing = recipe.scans - len(whole_scans(out, recipe))
-        lacking = missing or not all((out / name).exists() for name in SCENERY_FILES)
-        scenery = _scenery(recipe, report) if lacking else None
+        whole = is_whole_glb(out / "scene.glb") and all(map(ends_as_table, (out / name for name in TABLES)))
+        scenery = _scenery(recipe, report) if missing or not whole else None
         if scenery is not None:
             _write_scenery(out, recipe, scenery, report)
     except BaseException:
@@ -140,18 +141,15 @@ def _scenery(recipe: Recipe, report: Progress) -> Scenery:
 
 
 def _write_scenery(out: Path, recipe: Recipe, scenery: Scenery, report: Progress) -> None:
-    """Write the town for viewers and the movers' tracks, unless a stopped run has."""
+    """Write the movers' tracks, and the town for viewers unless a stopped run has."""
     report("scene", 0, 1)
     driven_s = min(recipe.duration_s, scenery.drive.duration_s)
     times = np.arange(0.0, driven_s, 1 / recipe.sensor.rotation_hz)
-    contents: dict[str, Callable[[], bytes]] = {
-        "scene.glb": lambda: town_to_glb(scenery.town),
-        "movers.csv": lambda: movers_csv(scenery.movers).encode(),
-        "tracks.csv": lambda: tracks_csv(scenery.drive.trajectory, scenery.movers, times).encode(),
-    }
-    for name in SCENERY_FILES:
-        if not (out / name).exists():
-            write_whole(out / name, contents[name]())
+    if not is_whole_glb(out / "scene.glb"):
+        write_whole(out / "scene.glb", town_to_glb(scenery.town))
+    write_whole(out / "movers.csv", movers_csv(scenery.movers).encode())
+    tracks = tracks_csv(scenery.drive.trajectory, scenery.movers, times)
+    write_whole(out / "tracks.csv", tracks.encode())
     report("scene", 1, 1)
 
 

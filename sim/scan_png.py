@@ -5,6 +5,7 @@ the unit of time (MulRan: nanoseconds) and column 10 (Boreas-RT: the direction o
 """
 
 import io
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ HEADER_COLUMNS = 11
 
 _YES = 255
 """Column 10 of a valid row, or of one whose sweep rises where they alternate."""
-_LAST_CHUNK = b"\0\0\0\0IEND\xaeB`\x82"
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _RUN_LENGTHS = 3
 """zlib's Z_RLE: twice as fast as the default on scans, smaller, and the same bytes on every processor."""
 
@@ -71,17 +72,25 @@ def read_png(path: Path, *, sensor: Sensor = CTS350X, ticks_per_us: int = 1) -> 
     )
 
 
-def ends_as_png(path: Path) -> bool:
-    """Whether a file is there and ends with a PNG's last chunk; the rest is not read.
+def is_whole_png(path: Path) -> bool:
+    """Whether a file is there and is a PNG to its end: every chunk has its check sum, the last is IEND.
 
-    W3C, "Portable Network Graphics (PNG) Specification", IEND: no data, always the same check sum.
+    W3C, "Portable Network Graphics (PNG) Specification", 5.3: length, type, data, CRC of type and data.
     """
     try:
-        with path.open("rb") as file:
-            file.seek(-min(len(_LAST_CHUNK), path.stat().st_size), io.SEEK_END)
-            return file.read() == _LAST_CHUNK
+        data = memoryview(path.read_bytes())
     except FileNotFoundError:
         return False
+    at, kind = len(_SIGNATURE), b""
+    if data[:at] != _SIGNATURE:
+        return False
+    while kind != b"IEND" and at + 12 <= len(data):
+        end = at + 8 + int.from_bytes(data[at : at + 4])
+        kind = bytes(data[at + 4 : at + 8])
+        if zlib.crc32(data[at + 4 : end]) != int.from_bytes(data[end : end + 4]):
+            return False
+        at = end + 4
+    return kind == b"IEND" and at == len(data)
 
 
 def row_ticks(image: NDArray[np.uint8]) -> NDArray[np.int64]:

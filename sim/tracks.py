@@ -49,6 +49,14 @@ def tracks_csv(car: Trajectory, movers: Sequence[Mover], times_s: NDArray[np.flo
     return "\n".join(lines) + "\n"
 
 
+def ends_as_table(path: Path) -> bool:
+    """Whether a file is there and ends with a line's end, as a table does; so does one cut between lines."""
+    try:
+        return path.read_bytes().endswith(b"\n")
+    except FileNotFoundError:
+        return False
+
+
 @dataclass(frozen=True, kw_only=True)
 class CarTrack:
     """The car's velocity as tracks.csv has it.

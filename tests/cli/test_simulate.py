@@ -12,10 +12,12 @@ from PIL import Image
 
 from echoscape.cli import simulate
 from echoscape.cli.__main__ import COMMANDS, main
+from echoscape.sim import dataset, folders
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.recipe import Recipe
 from echoscape.sim.sensor import Sensor
 from echoscape.sim.sensors import SENSORS
+from echoscape.sim.whole_files import DatasetError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = ["--preset", "empty", "--seed", "3", "--scans", "2", "--trace.rays", "16"]
@@ -123,6 +125,20 @@ def test_run_makes_a_dataset_with_a_preview_and_sums_up(
     with Image.open(tmp_path / "set" / "preview.png") as page:
         assert page.size == (1800, 1140)
     assert "2 of 400 x 3768 cells" in capsys.readouterr().out
+
+
+def test_damage_that_only_the_summary_meets_is_told_in_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def damaged(*arguments: object, **settings: object) -> None:
+        raise DatasetError("radar/1.png: not a whole PNG file")
+
+    monkeypatch.setattr(dataset, "write_dataset", lambda *arguments, **settings: None)
+    monkeypatch.setattr(folders, "open_folder", damaged)
+    assert main(["simulate", str(tmp_path / "set"), *SMALL, "--no-preview"]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "echoscape simulate: radar/1.png: not a whole PNG file"
+    )
 
 
 @pytest.fixture

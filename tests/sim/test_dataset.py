@@ -311,3 +311,29 @@ def test_failed_start_leaves_other_peoples_datasets_alone(
         write_dataset(tmp_path / "sets" / "mine", RECIPE)
     assert neighbour.read_text() == "a day's work"
     assert not (tmp_path / "sets" / "mine").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "scan_lost"),
+    [("movers.csv", False), ("tracks.csv", False), ("tracks.csv", True), ("scene.glb", False)],
+)
+def test_resume_makes_again_what_was_cut_short_of_the_scenery(
+    made: Path, tmp_path: Path, name: str, scan_lost: bool
+) -> None:
+    out = Path(shutil.copytree(made, tmp_path / "set"))
+    os.truncate(out / name, (out / name).stat().st_size - 1)
+    if scan_lost:
+        next((out / "radar").iterdir()).unlink()
+    write_dataset(out, RECIPE, resume=True)
+    _assert_same_bytes(out, made)
+
+
+def test_resume_makes_a_scan_again_whose_picture_is_damaged(made: Path, tmp_path: Path) -> None:
+    out = Path(shutil.copytree(made, tmp_path / "set"))
+    damaged, *others = sorted((out / "radar").iterdir())
+    data = bytearray(damaged.read_bytes())
+    data[5000] ^= 0xFF
+    damaged.write_bytes(data)
+    assert whole_scans(out, RECIPE) == {path.stem for path in others}
+    write_dataset(out, RECIPE, resume=True)
+    _assert_same_bytes(out, made)
