@@ -12,7 +12,7 @@ from rich.table import Table
 
 from echoscape.cli.parsing import parsed
 from echoscape.cli.stages import Stages
-from echoscape.cli.worlds import RecipeFlags, recipe_of
+from echoscape.cli.worlds import ScanFlags, recipe_of
 from echoscape.scenes.tables import SceneError
 from echoscape.sim.whole_files import DatasetError
 
@@ -26,7 +26,7 @@ class Options:
 
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Folder to write: a picture an effect, and artefacts.md. Files of these names are replaced."""
-    recipe: Annotated[RecipeFlags, tyro.conf.arg(name="")] = field(default_factory=RecipeFlags)
+    recipe: Annotated[ScanFlags, tyro.conf.arg(name="")] = field(default_factory=ScanFlags)
     """The dataset that the scan is from: what `echoscape simulate` makes with the same words."""
     scan: int | None = None
     """Number of the scan, from 0; by default the middle one."""

@@ -29,13 +29,17 @@ def parsed(
     What is not said is as in `default`, where that is given.
 
     Raises:
-        ArgumentsError: an argument is unknown, unreadable or refused by the settings.
+        ArgumentsError: an argument is empty, unknown, unreadable or refused by the settings.
     """
     if {"-h", "--help"} & set(arguments):
         try:
             return cast("Settings", tyro.cli(kind, prog=prog, args=list(arguments), default=default))
         except BrokenPipeError as error:  # nobody reads the help: no fault of a file that commands tell of
             raise SystemExit(1) from error
+    if "" in arguments:  # would pass for the present folder
+        number = list(arguments).index("")
+        after = f" (after {arguments[number - 1]})" if number else ""
+        raise ArgumentsError(f"argument {number + 1}{after} must not be empty, got ''")
     told = io.StringIO()
     try:
         with redirect_stderr(told), patch.dict(os.environ, _WIDE):

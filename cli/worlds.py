@@ -5,16 +5,33 @@ Scenes and targets come as TOML files, whose contents go into the recipe.
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import tyro
 
 from echoscape.scenes.own_scene import OwnScene, read_own_scene
 from echoscape.scenes.target_files import AnyTarget, read_targets
+from echoscape.sim.layouts import LAYOUTS, LayoutName, layout_named
 from echoscape.sim.recipe import DEFAULT_PRESET, Recipe
 
 Preset = Annotated[str, tyro.conf.arg(help_behavior_hint=f"(default: {DEFAULT_PRESET})")]
 """A preset as a flag, empty where nothing is said."""
+
+
+def _layout(words: list[str]) -> LayoutName:
+    """Return the layout of this name; tyro tells the ValueError."""
+    (name,) = words
+    return cast("LayoutName", layout_named(name).name)
+
+
+_LAYOUT = tyro.constructors.PrimitiveConstructorSpec[LayoutName | None](
+    nargs=1,
+    metavar=f"{{{','.join(LAYOUTS)}}}",
+    instance_from_str=_layout,
+    is_instance=lambda value: value is None or value in LAYOUTS,
+    str_from_instance=lambda value: [str(value)],
+)
+"""How a layout is read: tyro itself would offer "None", and list the choices in another order each time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +40,10 @@ class RecipeFlags(Recipe):
 
     preset: Preset = ""
     """Kind of world: town, suburb, industrial, motorway, open or empty."""
+    layout: Annotated[
+        LayoutName | None, _LAYOUT, tyro.conf.arg(help_behavior_hint="(default: the radar's own)")
+    ] = None
+    """Layout of the folder; by default that in which the radar's real scans are published, or Oxford's."""
     scene: tyro.conf.Suppress[tyro.conf.Fixed[OwnScene | None]] = None
     """Comes from a file."""
     targets: tyro.conf.Suppress[tyro.conf.Fixed[tuple[AnyTarget, ...]]] = ()
@@ -32,6 +53,18 @@ class RecipeFlags(Recipe):
 
     def __post_init__(self) -> None:
         """Leave the checks to the recipe that is made of the flags and the files."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanFlags(RecipeFlags):
+    """A recipe of which one scan is made and no folder is written."""
+
+    scans: int = 40
+    """Length of the drive in scans, four a second: which places it passes depends on it."""
+    keep_beat: tyro.conf.Suppress[tyro.conf.Fixed[bool]] = False
+    """Is for folders."""
+    layout: tyro.conf.Suppress[tyro.conf.Fixed[LayoutName | None]] = None
+    """Is for folders."""
 
 
 def recipe_of(flags: Recipe, *, scene: Path | None, targets: Path | None) -> Recipe:

@@ -5,7 +5,6 @@ Switching one off changes only what it causes: the town, the echoes and the rand
 
 import math
 from dataclasses import dataclass, fields, replace
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -64,7 +63,7 @@ class Artefacts:
                 object.__setattr__(self, field.name, value)
             if value is None and field.default is None:
                 continue
-            if not isinstance(value, Real):
+            if not isinstance(value, (int, float, np.integer, np.floating)):
                 raise ValueError(f"{field.name} must be a number or a bool, got {value!r}")
             most = _MOST.get(field.name, math.inf)
             if not (math.isfinite(value) and 0 <= value <= most):

@@ -55,7 +55,7 @@ class Recipe:
     drive: DriveSettings = field(default_factory=DriveSettings)
     """How the car is driven."""
     traffic: TrafficSettings = field(default_factory=TrafficSettings)
-    """Who else is on the road."""
+    """Who else is on the road; not beside a scene of one's own."""
     scene: OwnScene | None = None
     """A scene of one's own in the place of a preset, see `scenes.own_scene`; preset is then "own"."""
     targets: tuple[AnyTarget, ...] = ()
@@ -69,6 +69,8 @@ class Recipe:
             object.__setattr__(self, "preset", DEFAULT_PRESET if self.scene is None else OWN)
         elif self.scene is not None:
             raise ValueError(f"preset must not be given beside a scene, got {self.preset!r}")
+        if self.scene is not None:
+            _check_no_traffic(self.traffic)
         if self.scene is None and self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
         if self.seed < 0:
@@ -104,6 +106,16 @@ class Recipe:
     def longest_turn_s(self) -> float:
         """The longest that a turn can last [s]."""
         return 1 / self.sensor.rotation_hz + _JITTERS * self.sensor.rotation_jitter_s
+
+
+def _check_no_traffic(traffic: TrafficSettings) -> None:
+    """Refuse traffic of which something is said beside a scene of one's own, where there is none."""
+    for each in fields(traffic):
+        value = getattr(traffic, each.name)
+        if value != each.default:
+            raise ValueError(
+                f"traffic.{each.name} must not be given beside a scene, which has no traffic, got {value:g}"
+            )
 
 
 def _numbers(name: str, settings: object) -> Iterator[tuple[str, float]]:

@@ -94,6 +94,8 @@ class Sensor:
 
     def __post_init__(self) -> None:
         """Refuse values that make no radar, naming the field."""
+        if not self.name.strip():
+            raise ValueError(f"name must not be empty, got {self.name!r}")
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, (int, float)) and not math.isfinite(value):

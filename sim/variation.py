@@ -53,18 +53,21 @@ def varied(recipe: Recipe) -> Recipe:
     """Return the recipe with sensor, artefacts and surfaces drawn about its own, as its seed decides.
 
     Raises:
-        ValueError: the recipe was varied before.
+        ValueError: the recipe was varied before, or what is drawn lies beyond what a setting may be.
     """
     if recipe.varied:
         raise ValueError("varied must be False: the recipe was varied before")
     rng = np.random.default_rng(np.random.SeedSequence([recipe.seed, STAGE]))
-    return replace(
-        recipe,
-        sensor=_sensor(recipe.sensor, rng),
-        artefacts=_artefacts(recipe.artefacts, rng),
-        surfaces=_surfaces(recipe.surfaces, rng),
-        varied=True,
-    )
+    try:
+        return replace(
+            recipe,
+            sensor=_sensor(recipe.sensor, rng),
+            artefacts=_artefacts(recipe.artefacts, rng),
+            surfaces=_surfaces(recipe.surfaces, rng),
+            varied=True,
+        )
+    except ValueError as error:
+        raise ValueError(f"{error}, as --vary drew it about what was given") from error
 
 
 def _sensor(sensor: Sensor, rng: np.random.Generator) -> Sensor:

@@ -28,6 +28,8 @@ def test_pictures_are_written_and_changes_told(tmp_path: Path, capsys: pytest.Ca
         ("--only snow", "only must name some of speckle"),
         ("--artefacts.rain 1000", "rain must be between 0 and 150"),
         ("--fast", "--fast"),
+        ("--keep-beat", "--keep-beat"),
+        ("--layout oxford", "--layout"),
     ],
 )
 def test_bad_input_is_told_in_a_line_and_leaves_nothing(
@@ -39,6 +41,16 @@ def test_bad_input_is_told_in_a_line_and_leaves_nothing(
     assert told in line
     assert len(line.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_help_offers_nothing_of_folders(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["artefacts", "--help"])
+    told = capsys.readouterr().out
+    assert "--keep-beat" not in told
+    assert "--layout" not in told
+    assert "Scans to make" not in told
+    assert "Length of the drive in scans" in told
 
 
 def test_a_file_in_the_folders_place_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -32,7 +32,9 @@ BAD = {
     "--radar moon": "--radar: a sensor must be one of cts350x, cir204, cir304, cir304_rt or a .toml file",
     "--radar nowhere.toml": "--radar: nowhere.toml: cannot be read",
     "--radar=cir304_rt --sensor.fft-size 8192": "fft_size must be a power of two of 13696 or more",
-    "--layout moon": "--layout",
+    "--layout moon": "--layout: layout must be one of oxford, mulran, boreas, got 'moon'",
+    "--sensor.name=": "sensor.name must not be empty, got ''",
+    "--vary --sensor.mount-tilt-deg 89": "got 89.029, as --vary drew it about what was given",
     "--preset moon": "preset must be one of town, suburb,",
     "--workers 0": "workers must be 1 or more, got 0",
     "--threads 0": "threads must be 1 or more, got 0",
@@ -67,6 +69,7 @@ BAD = {
     f"--scene {EXAMPLES}/targets.toml": "targets.toml: file is missing",
     f"--targets {EXAMPLES}/yard.toml": "yard.toml: unknown key 'file'",
     f"--scene {EXAMPLES}/yard.toml --preset open": "preset must not be given beside a scene, got 'open'",
+    f"--scene {EXAMPLES}/yard.toml --traffic.near-m 200": "traffic.near_m must not be given beside a scene",
     f"--scene {EXAMPLES}/yard.toml --scans 0": "scans must be 1 or more, got 0",
 }
 
@@ -91,6 +94,18 @@ def test_without_a_word_the_folder_is_missed(
     assert main(["simulate"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("echoscape simulate: Missing from echoscape simulate: OUT")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["simulate", "scene", "artefacts", "view"])
+def test_empty_argument_is_not_the_present_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main([command, ""]) == 2
+    assert capsys.readouterr().err == f"echoscape {command}: argument 1 must not be empty, got ''\n"
+    assert main(["simulate", "set", "--scene", ""]) == 2
+    assert "argument 3 (after --scene) must not be empty" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
