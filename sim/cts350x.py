@@ -34,8 +34,8 @@ CTS350X = Sensor(
     adc_bits=12,  # [cal] no published figure; its quantisation noise stays below the thermal noise
     full_scale_db=72.0,  # [cal] spokes of [M] are even, without the harmonics of clipped walls
     tx_power_w=0.02,  # [cal] 13 dBm, usual for a single-chip 77 GHz transmitter
-    antenna_gain_db=34.79,  # directivity of the patterns below
-    system_loss_db=15.58,  # [cal] brings the level of a street's echoes to [M]; losses of the dish included
+    antenna_gain_db=35.15,  # directivity of the patterns below
+    system_loss_db=16.3,  # [cal] brings the level of a street's echoes to [M]; losses of the dish included
     noise_figure_db=15.0,  # [cal] usual for 77 GHz receivers
     noise_units=1.57,  # [M] mean power of quiet rows at far range, and the shares of codes there
     range_gain_db=(  # [cal] to the lower envelope of [M] relative to the noise beyond 100 m
@@ -58,11 +58,11 @@ CTS350X = Sensor(
         (1.872, -20.0),
         (2.83, -30.0),
         (4.5, -38.0),
-        (9.0, -42.0),
-        (20.0, -50.0),
-        (45.0, -60.0),
-        (90.0, -70.0),
-        (180.0, -75.0),
+        (9.0, -44.0),
+        (20.0, -58.0),  # from here on [cal]: what rings of all around add to the ground near by
+        (45.0, -74.0),
+        (90.0, -84.0),
+        (180.0, -88.0),
     ),
     elevation_pattern_db=(  # [C] cosecant-squared fill below a narrow main lobe; levels [cal]
         (-90.0, -45.0),

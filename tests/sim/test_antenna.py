@@ -71,11 +71,11 @@ def test_directions_are_the_seeds_own(antenna: Antenna, directions: Directions) 
 
 
 def test_rays_that_point_far_across_the_seam_have_a_density(antenna: Antenna) -> None:
-    # Of these, one leaves row 37 by 139 deg, where no row within the scan points.
-    rng = np.random.default_rng(np.random.SeedSequence([3, 300]))
+    # Of these, one leaves row 50 by 74 deg to the left, where no row within the scan points.
+    rng = np.random.default_rng(np.random.SeedSequence([45, 300]))
     drawn = draw_directions(antenna, rays=1024, rng=rng)
     offset = np.degrees(drawn.azimuth_rad - drawn.row * 2 * math.pi / CTS350X.azimuths)
-    assert ((np.abs((offset + 180) % 360 - 180) > 90) & (np.abs(offset) > 180)).any()
+    assert ((np.abs((offset + 180) % 360 - 180) > 60) & (np.abs(offset) > 180)).any()
     assert (drawn.density > 0).all()
 
 

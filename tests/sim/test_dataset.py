@@ -153,6 +153,7 @@ def _wait_for_scan(out: Path, process: subprocess.Popen[str]) -> None:
 
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_killed_run_resumes_to_the_same_bytes(made: Path, tmp_path: Path, workers: str) -> None:
+    out, whole = tmp_path, dict[Path, int]()
     for attempt in range(5):  # on a busy machine all four scans may be there before anybody looks
         out = tmp_path / str(attempt)
         process = _start(out, "--workers", workers)

@@ -17,7 +17,7 @@ from tests.sim.worlds import Ride, decibel, plate, standing, straight, world
 STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
 HEIGHT_M = CTS350X.mount_height_m
 ROW_RAD = 2 * math.pi / CTS350X.azimuths
-RING_DB = {10: -42.0, 50: -60.0, 100: -70.0}
+RING_DB = {10: -44.0, 50: -74.0, 100: -84.0}
 """The two-way azimuth pattern at 9, 45 and 90 deg."""
 
 
@@ -51,7 +51,7 @@ def test_a_standing_radar_hears_a_ring_that_is_the_pattern_on_both_sides(row: in
 
 
 def test_a_ring_is_heard_by_the_whole_turn_once() -> None:
-    echoes = traced((3, 30.0, 0.05), ride=standing())
+    echoes = traced((3, 12.0, 0.1), ride=standing())
     heard = np.bincount(echoes.row, minlength=400)
     # The row opposite to it, which lies as far on either side, is left out.
     assert np.flatnonzero(heard == 0).tolist() == [203]
@@ -70,7 +70,7 @@ def test_across_the_seam_a_ring_is_as_far_as_its_rows_are_from_it() -> None:
         np.testing.assert_allclose(found, expected, atol=0.06)  # 1.5 m up and down: 0.04 m
 
 
-@pytest.mark.parametrize(("rate", "within_db"), [(0.0, 0.5), (0.5, 1.5), (-0.5, 1.5)])
+@pytest.mark.parametrize(("rate", "within_db"), [(0.0, 0.5), (0.2, 1.5), (-0.2, 1.5)])
 def test_sidelobes_are_as_loud_at_the_seam_as_elsewhere(rate: float, within_db: float) -> None:
     # A rough ring of plates about the radar. Turning, the scan meets some directions never or twice.
     ring = [(400 / 120 * k, 25.0, 1.4) for k in range(120)]
