@@ -5,8 +5,9 @@ from each row's own position; a thing's own motion between the rows shifts its r
 
 Rows are of one turn: across the seam between the last and the first row lie directions that are as near, at
 times almost a turn apart. What a row's main lobe hears there, rays of its own side of the seam found, at its
-own time; its sidelobes hear what rays of the other side found, from where the row's antenna is. Of what
-moved meanwhile, that takes the radial motion alone; what it hides by then is as it was.
+own time; its sidelobes hear what rays of the other side found, as far as it is from where the row's antenna
+is, with the phase that it would have had the turn gone on (so that the paths of a corner stay in step). Of
+what moved meanwhile, that takes the radial motion alone; what it hides by then is as it was.
 """
 
 import math
@@ -151,7 +152,9 @@ class Hearing:
         closing = dr.dot(dr.gather(mi.Vector3f, self._velocity, row), mean32) - path.drift
         apparent = half + mi.Float64(closing * self._range_shift(row))
         audible = whole & (power > self._floor_w) & (apparent > 0) & (apparent < self._sensor.range_m * 1.02)
-        real, imag = self._phased(half, dr.sqrt(power), path)
+        # Across the seam phases are those of a turn that had gone on, so that what came in step still does.
+        ahead = (mi.Float(row) - mi.Float(place)) * self._row_s
+        real, imag = self._phased(half + mi.Float64(closing * ahead), dr.sqrt(power), path)
         results = [mi.Int32(row), apparent, real, imag, power, source, closing, mi.Int32(offset)]
         dr.eval(audible, *results)
         keep = dr.compress(audible)

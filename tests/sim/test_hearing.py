@@ -81,6 +81,31 @@ def test_sidelobes_are_as_loud_at_the_seam_as_elsewhere(rate: float, within_db: 
     assert abs(decibel(seam.mean() / power[20:380].mean())) < within_db
 
 
+def test_a_corners_ring_is_as_loud_across_the_seam_though_the_car_drives() -> None:
+    # All paths by way of both walls are of one length, from wherever they are seen: they stay in step.
+    bearing, size_m = 10 * ROW_RAD, 0.6
+    walls = []
+    for side in (1, -1):
+        facing = math.pi - bearing + side * math.pi / 4  # towards the radar, a right angle between both
+        along = facing - side * math.pi / 2  # from the corner outwards
+        x = 30 * math.cos(bearing) + size_m / 2 * math.cos(along)
+        y = -30 * math.sin(bearing) + size_m / 2 * math.sin(along)
+        wall = plate([x, y, HEIGHT_M], [math.cos(facing), math.sin(facing)], size_m, 3.0)
+        walls.append(("metal", "target", wall))
+    settings = TraceSettings(rays=1024, max_bounces=2, floor_db=-60.0)
+    drive = straight([0, 0], [8.0, 0])
+    echoes = Simulator(world(*walls), drive, seed=3, sensor=STEADY, settings=settings).echoes(0)
+    twice = echoes.returns.bounces[echoes.source] == 2
+    power = np.zeros(400)
+    for row in range(400):
+        there = twice & (echoes.row == row)
+        power[row] = np.abs(echoes.amplitude[there].sum(dtype=complex)) ** 2
+    offset_deg, level_db = np.array(STEADY.azimuth_pattern_db).T
+    rows = np.array([397, 398, 399, 0, 1, 2])
+    pattern_db = np.interp(np.abs((rows - 10 + 200) % 400 - 200) * 0.9, offset_deg, level_db)
+    np.testing.assert_allclose(decibel(power[rows] / power[10]), pattern_db, atol=2.5)
+
+
 def test_a_target_that_a_turn_to_the_left_passes_over_is_heard_by_sidelobes() -> None:
     # 0.6 rad/s to the left for a turn: 9.5 rows about straight ahead are in no row's main lobe.
     rate = 0.6
