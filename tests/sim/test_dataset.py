@@ -170,7 +170,12 @@ def test_killed_run_resumes_to_the_same_bytes(made: Path, tmp_path: Path, worker
 
 
 def test_interrupted_run_ends_with_130_and_a_hint(tmp_path: Path) -> None:
-    process = _start(tmp_path, "--scans", "200")
+    # Where the tests run in the background of a script, SIGINT is ignored, and that is inherited.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        process = _start(tmp_path, "--scans", "200")
+    finally:
+        signal.signal(signal.SIGINT, before)
     _wait_for_scan(tmp_path, process)
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=60)
