@@ -13,11 +13,11 @@ FLOOR_DB = (-60.0, 60.0)
 class TraceSettings:
     """How finely and how far a scan is traced."""
 
-    rays: int = 256
+    rays: int = 225
     """Rays of a row, a square number from 16 to 4096."""
     max_bounces: int = 3
     """Surfaces that a path may meet, out and back; 1 leaves direct echoes only."""
-    floor_db: float = -8.0
+    floor_db: float = -6.0
     """Echoes weaker than this against the mean thermal noise are left out [dB, -60 to 60]."""
 
     def __post_init__(self) -> None:
