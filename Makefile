@@ -39,8 +39,8 @@ fidelity: $(READY)
 	$(BIN)/python -m benchmarks.fidelity_tables docs/fidelity.md \
 		build/fidelity/town_7/fidelity build/fidelity/town_101/fidelity build/fidelity/town_102/fidelity build/fidelity
 
-# What the shipped weights were learned from, chosen by and judged on (docs/learning.md): 30 towns of 400 scans,
-# 3 of 100, 4 of 600; some 35 GB. A set that was stopped goes on.
+# Scans to learn from, to choose by and to judge on (docs/learning.md): 30 towns of 400, 3 of 100, 4 of 600; some
+# 35 GB. A set that was stopped goes on.
 TRAINING ?= build/training
 VARIED = $(BIN)/echoscape simulate --vary --no-preview --workers 2 --resume
 training-set: $(READY)
