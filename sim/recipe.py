@@ -70,7 +70,8 @@ class Recipe:
         elif self.scene is not None:
             raise ValueError(f"preset must not be given beside a scene, got {self.preset!r}")
         if self.scene is not None:
-            _check_no_traffic(self.traffic)
+            _check_unsaid("traffic", self.traffic, "which has no traffic")
+            _check_unsaid("drive", self.drive, "which brings its drive")
         if self.scene is None and self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
         if self.seed < 0:
@@ -108,14 +109,13 @@ class Recipe:
         return 1 / self.sensor.rotation_hz + _JITTERS * self.sensor.rotation_jitter_s
 
 
-def _check_no_traffic(traffic: TrafficSettings) -> None:
-    """Refuse traffic of which something is said beside a scene of one's own, where there is none."""
-    for each in fields(traffic):
-        value = getattr(traffic, each.name)
-        if value != each.default:
-            raise ValueError(
-                f"traffic.{each.name} must not be given beside a scene, which has no traffic, got {value:g}"
-            )
+def _check_unsaid(name: str, settings: object, why: str) -> None:
+    """Refuse settings of which something is said beside a scene of one's own, where they would do nothing."""
+    for (place, value), (_, default) in zip(
+        _numbers(name, settings), _numbers(name, type(settings)()), strict=True
+    ):
+        if value != default:
+            raise ValueError(f"{place} must not be given beside a scene, {why}, got {value:g}")
 
 
 def _numbers(name: str, settings: object) -> Iterator[tuple[str, float]]:

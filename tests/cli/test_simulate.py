@@ -70,6 +70,7 @@ BAD = {
     f"--targets {EXAMPLES}/yard.toml": "yard.toml: unknown key 'file'",
     f"--scene {EXAMPLES}/yard.toml --preset open": "preset must not be given beside a scene, got 'open'",
     f"--scene {EXAMPLES}/yard.toml --traffic.near-m 200": "traffic.near_m must not be given beside a scene",
+    f"--scene {EXAMPLES}/yard.toml --drive.speed.bend-mps2 1 2": "drive.speed.bend_mps2 must not be given",
     f"--scene {EXAMPLES}/yard.toml --scans 0": "scans must be 1 or more, got 0",
 }
 
