@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from echoscape.eval.trajectories import between, planar_of_world
 from echoscape.learn.augment import PlaneMotion, Turns, turned
@@ -24,6 +25,7 @@ _STAGE = 410
 _BANDS = 5
 
 Progress = Callable[[str, int, int], None]
+"""Called with a stage's name, how much of it is done, and how much there is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,18 +45,20 @@ def turned_pairs(poses: NDArray[np.float64], rows: int, count: int, *, seed: int
     Raises:
         DatasetError: no two scans are so near each other.
     """
-    away = np.hypot(*(poses[:, None, :2] - poses[None, :, :2]).transpose(2, 0, 1))
-    first, second = np.nonzero(np.triu(away <= APART_M, 1))
-    if len(first) == 0:
+    known = np.flatnonzero(np.isfinite(poses).all(axis=1))
+    near = known[KDTree(poses[known, :2]).query_pairs(APART_M, output_type="ndarray")]
+    if len(near) == 0:
         raise DatasetError(f"any heading: no two scans with known poses are within {APART_M:g} m")
-    band = np.minimum((away[first, second] * _BANDS / APART_M).astype(int), _BANDS - 1)
+    near = near[np.lexsort(near.T)]  # in an order that does not hang on how the tree was searched
+    away_m = np.hypot(*(poses[near[:, 0], :2] - poses[near[:, 1], :2]).T)
+    band = np.minimum((away_m * _BANDS / APART_M).astype(int), _BANDS - 1)
     bands = np.unique(band)
     rng = np.random.default_rng(np.random.SeedSequence([seed, _STAGE]))
     found = []
     for _ in range(count):
         of_band = np.flatnonzero(band == bands[rng.integers(len(bands))])
         pair = of_band[rng.integers(len(of_band))]
-        source, destination = rng.permutation([first[pair], second[pair]]).tolist()
+        source, destination = rng.permutation(near[pair]).tolist()
         found.append(TurnedPair(source=source, destination=destination, rows=int(rng.integers(rows))))
     return found
 
