@@ -5,6 +5,7 @@ resized, compared with all keypoints and added to the softmax's numerator and de
 makes each row again. Memory grows with the keypoints and the width of the picture, not with its area.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -28,20 +29,42 @@ _TILES_AT_ONCE = 10
 """Tiles whose similarities with 400 keypoints (4 MB) stay in the processor's cache."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """What a search of N keypoints in B pictures says.
+
+    places_px: (B, N, 2) expected row, column [px]; log_sums: (B, N), the logarithm of the sum over all pixels
+    of exp(T q . d), the softmax's denominator.
+    """
+
+    places_px: Tensor
+    log_sums: Tensor
+
+
 def fast_expected_matches(
     queries: Tensor, maps: Maps, *, temperature: float, stride: int = 1, dtype: torch.dtype = torch.float32
 ) -> Tensor:
     """Return (B, N, 2) row, column [px]: what `matching.expected_matches` returns, with its gradients.
 
+    Its arguments and errors are those of `fast_search`.
+    """
+    return fast_search(queries, maps, temperature=temperature, stride=stride, dtype=dtype).places_px
+
+
+def fast_search(
+    queries: Tensor, maps: Maps, *, temperature: float, stride: int = 1, dtype: torch.dtype = torch.float32
+) -> Search:
+    """Look for descriptors in pictures, with gradients.
+
     queries: (B, N, 248) of unit length; maps: (B, C, h, w) each; stride 2 searches every second pixel only,
-    between the pixels; dtype: of the large products, whose sums stay float32.
+    between the pixels, each in the place of 4; dtype: of the large products, whose sums stay float32.
 
     Raises:
         ValueError: the stride is none of `STRIDES`.
     """
     if stride not in STRIDES:
         raise ValueError(f"stride must be one of {STRIDES}, got {stride}")
-    found = []
+    places, log_sums = [], []
     for index in range(queries.shape[0]):
         prepared = layers(tuple(each[index] for each in maps), stride)
         plan = _Plan(
@@ -50,9 +73,10 @@ def fast_expected_matches(
             temperature=temperature,
             dtype=dtype,
         )
-        places = _ExpectedPlaces.apply(plan, queries[index], *[each.values for each in prepared])
-        found.append((places + 0.5) * stride - 0.5)
-    return torch.stack(found)
+        place, log_sum = _Searched.apply(plan, queries[index], *[each.values for each in prepared])
+        places.append((place + 0.5) * stride - 0.5)
+        log_sums.append(log_sum + 2 * math.log(stride))
+    return Search(places_px=torch.stack(places), log_sums=torch.stack(log_sums))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,25 +104,30 @@ class _Rows:
     slices: tuple[Tensor, ...]
 
 
-class _ExpectedPlaces(Function):
-    """Softmax over all samples of one picture, and the expected place under it, in samples."""
+class _Searched(Function):
+    """Softmax over all samples of one picture: the expected place under it, in samples, and its log sum."""
 
     @staticmethod
-    def forward(ctx: Any, plan: _Plan, queries: Tensor, *values: Tensor) -> Tensor:  # type: ignore[override]
+    def forward(  # type: ignore[override]
+        ctx: Any, plan: _Plan, queries: Tensor, *values: Tensor
+    ) -> tuple[Tensor, Tensor]:
         sums, shift = _sums(plan, queries, values, every=_EVERY)
         if not bool(sums.isfinite().all() and (sums[:, 0] > _SMALLEST_SUM).all()):
             sums, shift = _sums(plan, queries, values, every=1)
         places = sums[:, 1:] / sums[:, :1]
         ctx.plan = plan
         ctx.save_for_backward(queries, shift, sums[:, 0], places, *values)
-        return places
+        return places, shift + sums[:, 0].log()
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, slope: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
+    def backward(  # type: ignore[override]
+        ctx: Any, slope: Tensor, log_slope: Tensor
+    ) -> tuple[Tensor | None, ...]:
         queries, shift, total, places, *values = ctx.saved_tensors
         plan: _Plan = ctx.plan
-        factor = torch.cat([-(slope * places).sum(1, keepdim=True), slope], 1) / total[:, None]
+        constant = log_slope[:, None] - (slope * places).sum(1, keepdim=True)
+        factor = torch.cat([constant, slope], 1) / total[:, None]
         into_queries = torch.zeros_like(queries)
         into_values = [torch.zeros_like(each) for each in values]
         for rows in _rows(plan, tuple(values)):
@@ -180,8 +209,8 @@ def _slopes(
 ) -> tuple[Tensor, Tensor]:
     """Return the loss's derivatives by `left` and `right` for a row of tiles.
 
-    With P the softmax, x_p a sample's place, e the expected one and g the derivative by e, that by logit p is
-    P_p (g . x_p - g . e); factor: (N, 3), -g . e and g, over the softmax's denominator.
+    With P the softmax, x_p a sample's place, e the expected one, g the derivative by e and l that by the log
+    sum, that by logit p is P_p (l + g . x_p - g . e); factor: (N, 3), l - g . e and g, over the denominator.
     """
     by_left, by_right = torch.empty_like(left), torch.empty_like(right)
     low_left, low_right = left.to(plan.dtype), right.to(plan.dtype)

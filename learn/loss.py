@@ -40,6 +40,23 @@ def match_loss(matches: Matches, truth: Motion, *, reach_m: float) -> Tensor:
     return places + (share * distance_m.detach().clamp(max=reach_m)).sum(1)
 
 
+def likelihood_loss(matches: Matches) -> Tensor:
+    """Return (B,) [nat]: the weighted mean surprisal of where the keypoints truly are.
+
+    The cross entropy of the matching softmax (InfoNCE, van den Oord et al. 2018, over all pixels): it pulls
+    on descriptors at once where an expected place, a mean over a whole picture, hardly moves. The weights are
+    given: this loss does not teach them.
+
+    Raises:
+        ValueError: the matches were found without the true motion.
+    """
+    if matches.surprisal is None:
+        raise ValueError("matches must hold their surprisal, which takes the true motion")
+    weights = matches.weights.detach()
+    share = weights / weights.sum(1, keepdim=True).clamp(min=_SMALLEST_WEIGHT)
+    return (share * matches.surprisal).sum(1)
+
+
 def pose_errors(estimate: Motion, truth: Motion) -> tuple[Tensor, Tensor]:
     """Return the errors of the translation (B,) [m] and of the rotation (B,) [rad], 0 or more."""
     difference = estimate.yaw_rad - truth.yaw_rad

@@ -10,12 +10,12 @@ import torch
 from torch import Tensor, nn
 
 from echoscape.learn.descriptors import descriptors_at, embedding, sampled
-from echoscape.learn.fast_matching import fast_expected_matches
+from echoscape.learn.fast_matching import fast_search
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.keypoints import Keypoints, cell_centres, expected_places, keypoints_at
 from echoscape.learn.matching import match_weights
-from echoscape.learn.pixels import metres_of_pixels
-from echoscape.learn.pose import Motion, motion_of_matches
+from echoscape.learn.pixels import metres_of_pixels, pixels_of_metres
+from echoscape.learn.pose import Motion, motion_of_matches, moved
 from echoscape.learn.unet import Decoder, Encoder, Maps
 
 
@@ -69,12 +69,15 @@ class Features:
 class Matches:
     """Keypoints of B sources and what they were matched to.
 
-    source_m, destination_m: (B, N, 2) forward, right [m], each in its own frame; weights: (B, N).
+    source_m, destination_m: (B, N, 2) forward, right [m], each in its own frame; weights: (B, N); surprisal:
+    (B, N), where the true motion was given: -log of the softmax's share of the pixel that each keypoint is
+    truly in [nat], 0 for those that are outside the destination.
     """
 
     source_m: Tensor
     destination_m: Tensor
     weights: Tensor
+    surprisal: Tensor | None = None
 
     def motion(self) -> Motion:
         """Return the motion T_destination_source that fits the matches best."""
@@ -92,12 +95,17 @@ class KeypointModel(nn.Module):
         self.scores = Decoder() if settings.score_head else None
 
     def forward(
-        self, source: Tensor, destination: Tensor, matching: Matching, network_dtype: torch.dtype
+        self,
+        source: Tensor,
+        destination: Tensor,
+        matching: Matching,
+        network_dtype: torch.dtype,
+        truth: Motion | None = None,
     ) -> Matches:
         """Return the matches between pictures (B, 1, H, H), for training.
 
         Both go through the network together; keypoints are looked for in the source alone. network_dtype:
-        of the convolutions.
+        of the convolutions; truth: the motions T_destination_source, for the matches' surprisal.
         """
         count = source.shape[0]
         with torch.autocast("cpu", network_dtype, enabled=network_dtype != torch.float32):
@@ -107,7 +115,7 @@ class KeypointModel(nn.Module):
         maps = tuple(each.float() for each in maps)
         found = self.keypoints(tuple(each[:count] for each in maps), _part(scores, 0, count), logits)
         into = tuple(each[count:] for each in maps)
-        return self.matches(found, into, _part(scores, count, None), matching)
+        return self.matches(found, into, _part(scores, count, None), matching, truth)
 
     def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
         """Return the encoder's maps and the scores of images (B, 1, H, H)."""
@@ -128,24 +136,41 @@ class KeypointModel(nn.Module):
         return keypoints_at(centres.expand(maps[0].shape[0], -1, -1), maps, scores)
 
     def matches(
-        self, source: Keypoints, maps: Maps, scores: Tensor | None, matching: Matching | None = None
+        self,
+        source: Keypoints,
+        maps: Maps,
+        scores: Tensor | None,
+        matching: Matching | None = None,
+        truth: Motion | None = None,
     ) -> Matches:
         """Look for the source's keypoints in destinations that have these maps and scores."""
         how = matching or Matching()
-        places = fast_expected_matches(
+        found = fast_search(
             source.descriptors,
             maps,
             temperature=self.settings.temperature,
             stride=how.stride,
             dtype=how.dtype,
         )
+        places = found.places_px
         similarity = (source.descriptors * descriptors_at(maps, places)).sum(-1)
         matched = torch.ones_like(similarity) if scores is None else sampled(scores, places)[..., 0]
         return Matches(
             source_m=self.metres(source.points_px),
             destination_m=self.metres(places),
             weights=match_weights(similarity, source.scores, matched),
+            surprisal=None if truth is None else self._surprisal(source, maps, found.log_sums, truth),
         )
+
+    def _surprisal(self, source: Keypoints, maps: Maps, log_sums: Tensor, truth: Motion) -> Tensor:
+        """Return (B, N) [nat]: log sum - T q . d at the true places, 0 where these are not in the picture."""
+        image = self.settings.image
+        places = pixels_of_metres(
+            moved(self.metres(source.points_px), truth), size=image.size, pixel_m=image.pixel_m
+        )
+        inside = ((places >= 0) & (places <= image.size - 1)).all(-1)
+        similarity = (source.descriptors * descriptors_at(maps, places.detach())).sum(-1)
+        return torch.where(inside, log_sums - self.settings.temperature * similarity, 0.0)
 
     def metres(self, points_px: Tensor) -> Tensor:
         """Return points (..., 2) row, column [px] as forward, right [m]."""

@@ -74,8 +74,12 @@ def robust_motion(source_m: Tensor, destination_m: Tensor, weights: Tensor, *, s
 
 def residuals_m(source_m: Tensor, destination_m: Tensor, motion: Motion) -> Tensor:
     """Return (B, N) [m]: how far each destination is from where the motion takes its source."""
-    moved = source_m @ motion.rotation.transpose(1, 2) + motion.translation_m[:, None]
-    return torch.linalg.vector_norm(destination_m - moved, dim=-1)
+    return torch.linalg.vector_norm(destination_m - moved(source_m, motion), dim=-1)
+
+
+def moved(points_m: Tensor, motion: Motion) -> Tensor:
+    """Return (B, N, 2) [m]: points (B, N, 2) of the sources in the frames of the destinations."""
+    return points_m @ motion.rotation.transpose(1, 2) + motion.translation_m[:, None]
 
 
 def rotation_of_yaw(yaw_rad: Tensor) -> Tensor:

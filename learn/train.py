@@ -23,7 +23,7 @@ from torch.nn.parallel import DistributedDataParallel
 from torch.nn.utils import clip_grad_norm_
 
 from echoscape.learn.checkpoint import FILE_NAME, Checkpoint, Progress, read_checkpoint, write_checkpoint
-from echoscape.learn.loss import match_loss, pose_errors, pose_loss
+from echoscape.learn.loss import likelihood_loss, match_loss, pose_errors, pose_loss
 from echoscape.learn.model import KeypointModel, ModelSettings
 from echoscape.learn.pairs import PairSet
 from echoscape.learn.train_settings import DTYPES, TrainSettings
@@ -160,12 +160,16 @@ class _Run:
         batch = self.data.training.batch(drawn)
         self.forward.train()
         self.optimiser.zero_grad(set_to_none=True)
-        matches = self.forward(batch.source, batch.destination, settings.matching, DTYPES[settings.network])
+        truth = batch.motion if settings.likelihood_weight > 0 else None
+        network = DTYPES[settings.network]
+        matches = self.forward(batch.source, batch.destination, settings.matching, network, truth)
         motion = matches.motion()
         loss = pose_loss(motion, batch.motion, alpha_m=settings.alpha_m).mean()
         if settings.match_weight > 0:
             astray = match_loss(matches, batch.motion, reach_m=settings.match_reach_m)
             loss = loss + settings.match_weight * astray.mean()
+        if truth is not None:
+            loss = loss + settings.likelihood_weight * likelihood_loss(matches).mean()
         if not bool(loss.isfinite()):
             raise ValueError(f"loss must be finite, got {float(loss.detach())} at step {step}; pairs {drawn}")
         loss.backward()

@@ -39,6 +39,8 @@ class TrainSettings:
     """Weight of the matches' own error in the loss [m/m]; 0: poses alone supervise."""
     match_reach_m: float = 5.0
     """Error of a match beyond which it teaches the weights no more [m]."""
+    likelihood_weight: float = 0.0
+    """Weight of the surprisal of the keypoints' true places in the loss [m/nat]."""
     clip: float = 10.0
     """Largest norm of the gradients; longer ones are shortened to it."""
     match_stride: Literal[1, 2] = 2
@@ -72,7 +74,8 @@ class TrainSettings:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be finite and above 0, got {value}")
-        for name in ("seed", "patience", "hold_steps", "halve_steps", "match_weight", "gap_power"):
+        free = ("seed", "patience", "hold_steps", "halve_steps")
+        for name in (*free, "match_weight", "likelihood_weight", "gap_power"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise ValueError(f"{name} must be finite and 0 or more, got {getattr(self, name)}")
 

@@ -1,13 +1,14 @@
 """The loss of matches: nothing at the truth, metres away from it, and who learns from which part of it."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.learn.loss import match_loss
+from echoscape.learn.loss import likelihood_loss, match_loss
 from echoscape.learn.model import Matches
 from echoscape.learn.pose import Motion, rotation_of_yaw
 
@@ -68,3 +69,21 @@ def test_no_weight_at_all_gives_no_nan() -> None:
     for each in (found.destination_m, found.weights):
         assert each.grad is not None
         assert bool(each.grad.isfinite().all())
+
+
+def test_the_likelihood_loss_is_the_weighted_mean_surprisal_and_teaches_no_weights() -> None:
+    found = replace(
+        _matches([(0.0, 0.0)] * 3, _weights(1, 3, 4)),
+        surprisal=torch.tensor([[2.0, 0.5, 0.0]], dtype=torch.float64, requires_grad=True),
+    )
+    loss = likelihood_loss(found)
+    assert_allclose(loss.detach(), [(1 * 2.0 + 3 * 0.5) / 8])
+    loss.sum().backward()
+    assert found.weights.grad is None
+    assert found.surprisal is not None
+    assert_allclose(found.surprisal.grad, [[1 / 8, 3 / 8, 4 / 8]])
+
+
+def test_without_the_true_motion_there_is_no_likelihood() -> None:
+    with pytest.raises(ValueError, match="surprisal"):
+        likelihood_loss(_matches([(0.0, 0.0)], _weights(1)))

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from echoscape.learn import tiles
 from echoscape.learn.descriptors import dense_descriptors, descriptors_at, unit
-from echoscape.learn.fast_matching import fast_expected_matches
+from echoscape.learn.fast_matching import fast_expected_matches, fast_search
 from echoscape.learn.matching import expected_matches, match_weights
 from echoscape.learn.unet import Maps
 from tests.learn.maps import drawn_maps, drawn_points
@@ -24,8 +24,9 @@ def _case(dtype: torch.dtype, size: int = SIZE, batch: int = 1) -> tuple[Tensor,
     return queries.requires_grad_(), tuple(each.requires_grad_() for each in maps)
 
 
-def _slopes(places: Tensor, inputs: list[Tensor]) -> list[Tensor]:
-    return list(torch.autograd.grad((places * torch.linspace(-1, 2, 18).view(9, 2)).sum(), inputs))
+def _slopes(values: Tensor, inputs: list[Tensor]) -> list[Tensor]:
+    weights = torch.linspace(-1, 2, values[0].numel()).view(values[0].shape)
+    return list(torch.autograd.grad((values * weights).sum(), inputs))
 
 
 @pytest.mark.parametrize("size", [16, 48, 160])
@@ -81,6 +82,24 @@ def test_a_stride_of_two_is_plain_matching_on_a_grid_of_half_as_many() -> None:
     expected = weights @ torch.stack(torch.meshgrid(axis, axis, indexing="ij"), -1).reshape(-1, 2)
     found = fast_expected_matches(queries, maps, temperature=T, stride=2, dtype=torch.float64)
     assert_allclose(found.detach(), expected.detach(), atol=1e-9)
+
+
+def test_the_log_of_the_softmax_denominator_is_that_of_the_plain_one_with_its_gradients() -> None:
+    queries, maps = _case(torch.float64)
+    dense = unit(dense_descriptors(maps), dim=1)
+    plain = (T * (queries @ dense.flatten(2))).logsumexp(-1)
+    fast = fast_search(queries, maps, temperature=T, dtype=torch.float64).log_sums
+    assert_allclose(fast.detach(), plain.detach(), atol=1e-9)
+    leaves = [queries, *maps]
+    for mine, theirs in zip(_slopes(fast, leaves), _slopes(plain, leaves), strict=True):
+        assert_allclose(mine, theirs, atol=1e-9 * float(theirs.abs().max()))
+
+
+def test_with_a_stride_of_two_each_sample_of_an_even_picture_counts_for_four() -> None:
+    maps = tuple(torch.ones_like(each) for each in drawn_maps(32))
+    queries = unit(torch.rand(1, 3, 248))
+    whole, half = (fast_search(queries, maps, temperature=T, stride=stride).log_sums for stride in (1, 2))
+    assert_allclose(half, whole, rtol=1e-5)
 
 
 def test_a_descriptor_finds_its_own_pixel_when_the_temperature_is_high() -> None:

@@ -150,10 +150,11 @@ def test_without_tensorboard_the_log_is_lines_alone(tmp_path: Path, monkeypatch:
     assert json.loads((tmp_path / "log.jsonl").read_text()) == {"step": 1, "loss_m": 2.0}
 
 
-def test_errors_of_matches_change_what_is_learned(data: Data, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["match_weight", "likelihood_weight"])
+def test_losses_of_matches_change_what_is_learned(data: Data, tmp_path: Path, name: str) -> None:
     two = TrainSettings(steps=2)
     plain = train(tmp_path / "plain", MODEL, two, data)
-    told = train(tmp_path / "told", MODEL, TrainSettings(steps=2, match_weight=1.0), data)
+    told = train(tmp_path / "told", MODEL, TrainSettings(steps=2, **{name: 1.0}), data)  # type: ignore[arg-type]
     assert any(not torch.equal(a, b) for a, b in zip(plain.parameters(), told.parameters(), strict=True))
 
 
