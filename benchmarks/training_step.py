@@ -17,6 +17,7 @@ from benchmarks.machine import description
 from echoscape.learn import model as model_module
 from echoscape.learn.augment import PlaneMotion
 from echoscape.learn.image import ImageSettings
+from echoscape.learn.fast_matching import Search
 from echoscape.learn.loss import pose_loss
 from echoscape.learn.matching import expected_matches
 from echoscape.learn.model import Matching, ModelSettings
@@ -46,13 +47,12 @@ def step_of(size: int, matching: Matching | None, network: torch.dtype) -> Calla
         pose_loss(found.motion(), truth).mean().backward()
         optimiser.step()
 
-    def plain(
-        queries: torch.Tensor, maps: model_module.Maps, *, temperature: float, **_: object
-    ) -> torch.Tensor:
-        return expected_matches(queries, maps, temperature=temperature)
+    def plain(queries: torch.Tensor, maps: model_module.Maps, *, temperature: float, **_: object) -> Search:
+        places = expected_matches(queries, maps, temperature=temperature)
+        return Search(places_px=places, log_sums=places.new_zeros(places.shape[:2]))
 
     def plain_step() -> None:
-        with patch.object(model_module, "fast_expected_matches", plain):
+        with patch.object(model_module, "fast_search", plain):
             step()
 
     return step if matching else plain_step

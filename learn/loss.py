@@ -1,7 +1,7 @@
 """What training makes small: the error of the pose, and, where it is asked for, that of every match.
 
-Source: Barnes & Posner 2020, equation 6: |t^ - t|_2 + alpha |R^ R^T - 1|_2 with alpha = 10. The error of
-matches is ours: true motions say where each keypoint is in the other scan, which real logs rarely know well.
+Source: Barnes & Posner 2020, equation 6: |t^ - t|_2 + alpha |R^ R^T - 1|_2 with alpha = 10. The losses of
+matches are ours: true motions say where each keypoint is in the other scan, which real logs rarely know well.
 """
 
 import torch
@@ -14,6 +14,8 @@ ALPHA_M = 10.0
 """Weight of the rotation's error [m]."""
 
 _SMALLEST_WEIGHT = 1e-12
+_SMALLEST_DOUBT = 1e-6
+_LEAST_CARE = 0.1
 
 
 def pose_loss(estimate: Motion, truth: Motion, *, alpha_m: float = ALPHA_M) -> Tensor:
@@ -27,34 +29,45 @@ def pose_loss(estimate: Motion, truth: Motion, *, alpha_m: float = ALPHA_M) -> T
     return shift + alpha_m * torch.linalg.vector_norm(turn[..., 0], dim=-1)
 
 
-def match_loss(matches: Matches, truth: Motion, *, reach_m: float) -> Tensor:
+def match_loss(matches: Matches, truth: Motion) -> Tensor:
     """Return (B,) [m]: the weighted mean distance of matches from where the true motion puts their keypoints.
 
-    With e = |d - (R s + t)| and shares v = w / sum w it is sum v e, whose slopes go into the places, plus
-    sum v min(e, reach_m), whose slopes go into the weights alone: matches gone astray pull their places back
-    with full force, but teach the weights no more than a bounded lesson.
+    The weights are given: this loss teaches places alone. (Taught by it, they would gather on the one best
+    match, which says nothing of the rotation.)
     """
     distance_m = residuals_m(matches.source_m, matches.destination_m, truth)
-    share = matches.weights / matches.weights.sum(1, keepdim=True).clamp(min=_SMALLEST_WEIGHT)
-    places = (share.detach() * distance_m).sum(1)
-    return places + (share * distance_m.detach().clamp(max=reach_m)).sum(1)
+    return (_shares(matches.weights.detach()) * distance_m).sum(1)
 
 
 def likelihood_loss(matches: Matches) -> Tensor:
     """Return (B,) [nat]: the weighted mean surprisal of where the keypoints truly are.
 
     The cross entropy of the matching softmax (InfoNCE, van den Oord et al. 2018, over all pixels): it pulls
-    on descriptors at once where an expected place, a mean over a whole picture, hardly moves. The weights are
-    given: this loss does not teach them.
+    on descriptors at once where an expected place, a mean over a whole picture, hardly moves. The weights,
+    plus a tenth so that none is left out, are given: this loss does not teach them.
 
     Raises:
         ValueError: the matches were found without the true motion.
     """
     if matches.surprisal is None:
         raise ValueError("matches must hold their surprisal, which takes the true motion")
-    weights = matches.weights.detach()
-    share = weights / weights.sum(1, keepdim=True).clamp(min=_SMALLEST_WEIGHT)
-    return (share * matches.surprisal).sum(1)
+    return (_shares(matches.weights.detach() + _LEAST_CARE) * matches.surprisal).sum(1)
+
+
+def score_loss(matches: Matches, truth: Motion, *, scale_m: float) -> Tensor:
+    """Return (B,) [nat]: the mean cross entropy between weights and how right their matches are.
+
+    A match e off is right by exp(-e^2 / (2 scale_m^2)), so that a weight becomes the chance that its match is
+    a right one, each for itself. Places are given: this loss teaches weights alone.
+    """
+    distance_m = residuals_m(matches.source_m, matches.destination_m, truth).detach()
+    right = torch.exp(-0.5 * (distance_m / scale_m) ** 2)
+    weights = matches.weights.clamp(_SMALLEST_WEIGHT, 1 - _SMALLEST_DOUBT)
+    return -(right * weights.log() + (1 - right) * torch.log1p(-weights)).mean(1)
+
+
+def _shares(weights: Tensor) -> Tensor:
+    return weights / weights.sum(1, keepdim=True).clamp(min=_SMALLEST_WEIGHT)
 
 
 def pose_errors(estimate: Motion, truth: Motion) -> tuple[Tensor, Tensor]:

@@ -126,6 +126,7 @@ class KeypointModel(nn.Module):
         """Return all that a scan needs to be matched with others, of images (B, 1, H, H)."""
         maps, scores = self.maps(images)
         logits = None if self.locations is None else self.locations(maps)
+        maps = tuple(each.float() for each in maps)  # autocast makes the network's output bfloat16
         return Features(maps=maps, keypoints=self.keypoints(maps, scores, logits), scores=scores)
 
     def keypoints(self, maps: Maps, scores: Tensor | None, logits: Tensor | None) -> Keypoints:

@@ -18,14 +18,15 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import distributed
+from torch import Tensor, distributed
 from torch.nn.parallel import DistributedDataParallel
 from torch.nn.utils import clip_grad_norm_
 
 from echoscape.learn.checkpoint import FILE_NAME, Checkpoint, Progress, read_checkpoint, write_checkpoint
-from echoscape.learn.loss import likelihood_loss, match_loss, pose_errors, pose_loss
-from echoscape.learn.model import KeypointModel, ModelSettings
+from echoscape.learn.loss import likelihood_loss, match_loss, pose_errors, pose_loss, score_loss
+from echoscape.learn.model import KeypointModel, Matches, ModelSettings
 from echoscape.learn.pairs import PairSet
+from echoscape.learn.pose import Motion
 from echoscape.learn.train_settings import DTYPES, TrainSettings
 from echoscape.learn.training_log import LOG_FILE, Report, TrainingLog
 from echoscape.learn.training_plot import draw_training
@@ -164,12 +165,7 @@ class _Run:
         network = DTYPES[settings.network]
         matches = self.forward(batch.source, batch.destination, settings.matching, network, truth)
         motion = matches.motion()
-        loss = pose_loss(motion, batch.motion, alpha_m=settings.alpha_m).mean()
-        if settings.match_weight > 0:
-            astray = match_loss(matches, batch.motion, reach_m=settings.match_reach_m)
-            loss = loss + settings.match_weight * astray.mean()
-        if truth is not None:
-            loss = loss + settings.likelihood_weight * likelihood_loss(matches).mean()
+        loss = self._loss(matches, motion, batch.motion)
         if not bool(loss.isfinite()):
             raise ValueError(f"loss must be finite, got {float(loss.detach())} at step {step}; pairs {drawn}")
         loss.backward()
@@ -179,6 +175,18 @@ class _Run:
         self.optimiser.step()
         shift, turn = (each.detach() for each in pose_errors(motion, batch.motion))
         return float(loss.detach()), float(shift.mean()), float(turn.mean())
+
+    def _loss(self, matches: Matches, motion: Motion, truth: Motion) -> Tensor:
+        """Return the loss of a step: of the motion, and of the matches as far as the settings ask for it."""
+        settings = self.settings
+        loss = pose_loss(motion, truth, alpha_m=settings.alpha_m)
+        if settings.match_weight > 0:
+            loss = loss + settings.match_weight * match_loss(matches, truth)
+        if settings.likelihood_weight > 0:
+            loss = loss + settings.likelihood_weight * likelihood_loss(matches)
+        if settings.score_weight > 0:
+            loss = loss + settings.score_weight * score_loss(matches, truth, scale_m=settings.score_scale_m)
+        return loss.mean()
 
     def _log_recent(self) -> None:
         loss, shift, turn = np.mean(self.progress.recent, axis=0).tolist()

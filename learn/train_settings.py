@@ -36,11 +36,13 @@ class TrainSettings:
     alpha_m: float = ALPHA_M
     """Weight of the rotation's error in the loss [m]."""
     match_weight: float = 0.0
-    """Weight of the matches' own error in the loss [m/m]; 0: poses alone supervise."""
-    match_reach_m: float = 5.0
-    """Error of a match beyond which it teaches the weights no more [m]."""
+    """Weight of the matches' own error in the loss [m/m]; 0: without."""
     likelihood_weight: float = 0.0
-    """Weight of the surprisal of the keypoints' true places in the loss [m/nat]."""
+    """Weight of the surprisal of the keypoints' true places in the loss [m/nat]; 0: without."""
+    score_weight: float = 0.0
+    """Weight of the cross entropy between matches' weights and how right they are [m/nat]; 0: without."""
+    score_scale_m: float = 1.0
+    """How far off a match may be to count as right, as a standard deviation [m]."""
     clip: float = 10.0
     """Largest norm of the gradients; longer ones are shortened to it."""
     match_stride: Literal[1, 2] = 2
@@ -70,12 +72,12 @@ class TrainSettings:
         for name in ("steps", "pairs", "validate_every", "validate_pairs", "log_every", "save_every"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be 1 or more, got {getattr(self, name)}")
-        for name in ("learning_rate", "alpha_m", "match_reach_m", "clip", "save_minutes"):
+        for name in ("learning_rate", "alpha_m", "score_scale_m", "clip", "save_minutes"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be finite and above 0, got {value}")
         free = ("seed", "patience", "hold_steps", "halve_steps")
-        for name in (*free, "match_weight", "likelihood_weight", "gap_power"):
+        for name in (*free, "match_weight", "likelihood_weight", "score_weight", "gap_power"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise ValueError(f"{name} must be finite and 0 or more, got {getattr(self, name)}")
 

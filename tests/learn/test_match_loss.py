@@ -1,14 +1,16 @@
-"""The loss of matches: nothing at the truth, metres away from it, and who learns from which part of it."""
+"""The losses of matches: least at the truth, and who learns from which of them."""
 
 import math
 from dataclasses import replace
 
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis.strategies import floats
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.learn.loss import likelihood_loss, match_loss
+from echoscape.learn.loss import likelihood_loss, match_loss, score_loss
 from echoscape.learn.model import Matches
 from echoscape.learn.pose import Motion, rotation_of_yaw
 
@@ -36,34 +38,22 @@ def _weights(*values: float) -> Tensor:
 
 def test_matches_where_the_motion_puts_them_cost_nothing() -> None:
     found = _matches([(0.0, 0.0)] * 4, _weights(1, 2, 3, 4))
-    assert_allclose(match_loss(found, TRUTH, reach_m=5.0).detach(), 0, atol=1e-12)
+    assert_allclose(match_loss(found, TRUTH).detach(), 0, atol=1e-12)
 
 
-def test_the_loss_is_the_weighted_distance_once_whole_and_once_bounded() -> None:
+def test_places_are_drawn_home_by_their_share_however_far_they_are_and_weights_are_left() -> None:
     found = _matches([(3.0, 4.0), (0.0, -20.0)], _weights(1, 3))
-    expected = (5 + 3 * 20) / 4 + (5 + 3 * 8) / 4
-    assert_allclose(match_loss(found, TRUTH, reach_m=8.0).detach(), expected, atol=1e-9)
-
-
-def test_places_are_drawn_home_by_their_share_however_far_they_are() -> None:
-    found = _matches([(3.0, 4.0), (0.0, -20.0)], _weights(1, 3))
-    match_loss(found, TRUTH, reach_m=8.0).sum().backward()
+    loss = match_loss(found, TRUTH)
+    assert_allclose(loss.detach(), (5 + 3 * 20) / 4, atol=1e-9)
+    loss.sum().backward()
     assert found.destination_m.grad is not None
     assert_allclose(found.destination_m.grad[0], [[0.15, 0.2], [0, -0.75]], atol=1e-9)
-
-
-@pytest.mark.parametrize("far_m", [8.0, 20.0, 200.0])
-def test_weights_learn_from_a_bounded_distance_alone(far_m: float) -> None:
-    found = _matches([(3.0, 4.0), (0.0, -far_m)], _weights(1, 3))
-    match_loss(found, TRUTH, reach_m=8.0).sum().backward()
-    mean = (5 + 3 * 8) / 4  # the slope of a weighted mean by a weight: (value - mean) / sum of weights
-    assert found.weights.grad is not None
-    assert_allclose(found.weights.grad[0], [(5 - mean) / 4, (8 - mean) / 4], atol=1e-9)
+    assert found.weights.grad is None
 
 
 def test_no_weight_at_all_gives_no_nan() -> None:
     found = _matches([(1.0, 0.0), (0.0, 1.0)], _weights(0, 0))
-    loss = match_loss(found, TRUTH, reach_m=5.0).sum()
+    loss = (match_loss(found, TRUTH) + score_loss(found, TRUTH, scale_m=1.0)).sum()
     loss.backward()
     assert math.isfinite(float(loss.detach()))
     for each in (found.destination_m, found.weights):
@@ -71,9 +61,33 @@ def test_no_weight_at_all_gives_no_nan() -> None:
         assert bool(each.grad.isfinite().all())
 
 
-def test_the_likelihood_loss_is_the_weighted_mean_surprisal_and_teaches_no_weights() -> None:
+@settings(deadline=None)
+@given(off_m=floats(0, 4), scale_m=floats(0.3, 3), wrong=floats(0.02, 0.3))
+def test_scores_cost_least_where_each_weight_is_the_chance_of_a_right_match(
+    off_m: float, scale_m: float, wrong: float
+) -> None:
+    right = min(max(math.exp(-0.5 * (off_m / scale_m) ** 2), 0.35), 0.65)
+    off_m = scale_m * math.sqrt(-2 * math.log(right))
+
+    def cost(weight: float) -> float:
+        found = _matches([(off_m, 0.0), (0.0, off_m)], _weights(weight, right))
+        return float(score_loss(found, TRUTH, scale_m=scale_m).detach())
+
+    assert cost(right) < min(cost(right + wrong), cost(right - wrong))
+
+
+def test_scores_teach_weights_alone_each_by_its_own_match() -> None:
+    found = _matches([(0.0, 0.0), (0.0, -50.0)], _weights(0.25, 0.25))
+    score_loss(found, TRUTH, scale_m=1.0).sum().backward()
+    assert found.destination_m.grad is None
+    assert found.weights.grad is not None
+    # The mean of -log w where right, which it is by 1, and of -log(1 - w) where it is by 0.
+    assert_allclose(found.weights.grad[0], [-1 / 0.25 / 2, 1 / 0.75 / 2], atol=1e-9)
+
+
+def test_the_likelihood_loss_is_the_mean_surprisal_by_weight_and_a_tenth_and_teaches_no_weights() -> None:
     found = replace(
-        _matches([(0.0, 0.0)] * 3, _weights(1, 3, 4)),
+        _matches([(0.0, 0.0)] * 3, _weights(0.9, 2.9, 3.9)),
         surprisal=torch.tensor([[2.0, 0.5, 0.0]], dtype=torch.float64, requires_grad=True),
     )
     loss = likelihood_loss(found)
