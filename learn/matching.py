@@ -16,10 +16,13 @@ def expected_matches(queries: Tensor, maps: Maps, *, temperature: float) -> Tens
 
     queries: (B, N, 248) of unit length; maps: of the picture to search, whose d_p have unit length too.
     """
-    dense = unit(dense_descriptors(maps), dim=1)
-    rows, columns = dense.shape[-2:]
+    return expected_matches_in(queries, unit(dense_descriptors(maps), dim=1), temperature=temperature)
+
+
+def expected_matches_in(queries: Tensor, dense: Tensor, *, temperature: float) -> Tensor:
+    """Return what `expected_matches` does, of dense descriptors (B, 248, H, W) of unit length."""
     weights = (temperature * (queries @ dense.flatten(2))).softmax(-1)
-    return weights @ pixel_grid(rows, columns, like=queries)
+    return weights @ pixel_grid(*dense.shape[-2:], like=queries)
 
 
 def match_weights(similarity: Tensor, source_scores: Tensor, matched_scores: Tensor) -> Tensor:

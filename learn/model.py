@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from echoscape.learn.descriptors import descriptors_at, embedding, sampled
-from echoscape.learn.fast_matching import fast_search
+from echoscape.learn.fast_matching import DensePicture, dense_picture, fast_search
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.keypoints import Keypoints, cell_centres, expected_places, keypoints_at
 from echoscape.learn.matching import match_weights
@@ -70,8 +70,8 @@ class Matches:
     """Keypoints of B sources and what they were matched to.
 
     source_m, destination_m: (B, N, 2) forward, right [m], each in its own frame; weights: (B, N); surprisal:
-    (B, N), where the true motion was given: -log of the softmax's share of the pixel that each keypoint is
-    truly in [nat], 0 for those that are outside the destination.
+    (B, N), where the true motion was given: cross entropy [nat] of the matching softmax with the samples
+    around each keypoint's true place, 0 for those that are outside the destination.
     """
 
     source_m: Tensor
@@ -146,13 +146,9 @@ class KeypointModel(nn.Module):
     ) -> Matches:
         """Look for the source's keypoints in destinations that have these maps and scores."""
         how = matching or Matching()
-        found = fast_search(
-            source.descriptors,
-            maps,
-            temperature=self.settings.temperature,
-            stride=how.stride,
-            dtype=how.dtype,
-        )
+        picture = dense_picture(maps, stride=how.stride)
+        temperature = self.settings.temperature
+        found = fast_search(source.descriptors, picture, temperature=temperature, dtype=how.dtype)
         places = found.places_px
         similarity = (source.descriptors * descriptors_at(maps, places)).sum(-1)
         matched = torch.ones_like(similarity) if scores is None else sampled(scores, places)[..., 0]
@@ -160,17 +156,21 @@ class KeypointModel(nn.Module):
             source_m=self.metres(source.points_px),
             destination_m=self.metres(places),
             weights=match_weights(similarity, source.scores, matched),
-            surprisal=None if truth is None else self._surprisal(source, maps, found.log_sums, truth),
+            surprisal=None if truth is None else self._surprisal(source, picture, found.log_sums, truth),
         )
 
-    def _surprisal(self, source: Keypoints, maps: Maps, log_sums: Tensor, truth: Motion) -> Tensor:
-        """Return (B, N) [nat]: log sum - T q . d at the true places, 0 where these are not in the picture."""
+    def _surprisal(self, source: Keypoints, picture: DensePicture, log_sums: Tensor, truth: Motion) -> Tensor:
+        """Return (B, N) [nat]: log sum - T q . d at the true places, 0 where these are not in the picture.
+
+        The true place shares in the samples around it, as bilinear interpolation has it: were its descriptor
+        made of finer maps than those of the samples, the network would learn to tell the two apart.
+        """
         image = self.settings.image
         places = pixels_of_metres(
             moved(self.metres(source.points_px), truth), size=image.size, pixel_m=image.pixel_m
         )
         inside = ((places >= 0) & (places <= image.size - 1)).all(-1)
-        similarity = (source.descriptors * descriptors_at(maps, places.detach())).sum(-1)
+        similarity = picture.similarity(source.descriptors, places.detach())
         return torch.where(inside, log_sums - self.settings.temperature * similarity, 0.0)
 
     def metres(self, points_px: Tensor) -> Tensor:

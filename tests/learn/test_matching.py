@@ -1,13 +1,14 @@
 """Matching: the fast form against the plain one, values and gradients, and what a softmax must do."""
 
+from typing import Any
+
 import pytest
 import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.learn import tiles
 from echoscape.learn.descriptors import dense_descriptors, descriptors_at, unit
-from echoscape.learn.fast_matching import fast_expected_matches, fast_search
+from echoscape.learn.fast_matching import Search, dense_picture, fast_search
 from echoscape.learn.matching import expected_matches, match_weights
 from echoscape.learn.unet import Maps
 from tests.learn.maps import drawn_maps, drawn_points
@@ -24,6 +25,21 @@ def _case(dtype: torch.dtype, size: int = SIZE, batch: int = 1) -> tuple[Tensor,
     return queries.requires_grad_(), tuple(each.requires_grad_() for each in maps)
 
 
+def _fast(
+    queries: Tensor,
+    maps: Maps,
+    *,
+    temperature: float = T,
+    stride: int = 1,
+    dtype: torch.dtype = torch.float32,
+) -> Search:
+    return fast_search(queries, dense_picture(maps, stride=stride), temperature=temperature, dtype=dtype)
+
+
+def _places(queries: Tensor, maps: Maps, **how: Any) -> Tensor:
+    return _fast(queries, maps, **how).places_px
+
+
 def _slopes(values: Tensor, inputs: list[Tensor]) -> list[Tensor]:
     weights = torch.linspace(-1, 2, values[0].numel()).view(values[0].shape)
     return list(torch.autograd.grad((values * weights).sum(), inputs))
@@ -34,7 +50,7 @@ def test_fast_matching_is_plain_matching_in_float64(size: int) -> None:
     queries, maps = _case(torch.float64, size, batch=2)
     plain, fast = (
         expected_matches(queries, maps, temperature=T),
-        fast_expected_matches(queries, maps, temperature=T, dtype=torch.float64),
+        _places(queries, maps, temperature=T, dtype=torch.float64),
     )
     assert_allclose(fast.detach(), plain.detach(), atol=1e-9)
     for mine, theirs in zip(_slopes(fast, [queries, *maps]), _slopes(plain, [queries, *maps]), strict=True):
@@ -52,7 +68,7 @@ def test_fast_matching_in_lower_precision_stays_near(
     queries, maps = _case(torch.float32)
     exact = [each.detach().double().requires_grad_() for each in (queries, *maps)]
     plain = expected_matches(exact[0], tuple(exact[1:]), temperature=T)
-    fast = fast_expected_matches(queries, maps, temperature=T, dtype=dtype)
+    fast = _places(queries, maps, temperature=T, dtype=dtype)
     assert fast.dtype == torch.float32
     assert_allclose(fast.detach(), plain.detach(), atol=places_px)
     for mine, theirs in zip(_slopes(fast, [queries, *maps]), _slopes(plain, exact), strict=True):
@@ -63,7 +79,7 @@ def test_matching_passes_gradcheck() -> None:
     queries, maps = _case(torch.float64, 16)
 
     def places(queries: Tensor, *maps: Tensor) -> Tensor:
-        return fast_expected_matches(queries, maps, temperature=5.0, dtype=torch.float64)
+        return _places(queries, maps, temperature=5.0, dtype=torch.float64)
 
     assert torch.autograd.gradcheck(places, (queries, *maps), fast_mode=True)
 
@@ -80,7 +96,7 @@ def test_a_stride_of_two_is_plain_matching_on_a_grid_of_half_as_many() -> None:
     weights = (T * (queries @ dense.flatten(2))).softmax(-1)
     axis = torch.arange(32, dtype=torch.float64) * 2 + 0.5
     expected = weights @ torch.stack(torch.meshgrid(axis, axis, indexing="ij"), -1).reshape(-1, 2)
-    found = fast_expected_matches(queries, maps, temperature=T, stride=2, dtype=torch.float64)
+    found = _places(queries, maps, temperature=T, stride=2, dtype=torch.float64)
     assert_allclose(found.detach(), expected.detach(), atol=1e-9)
 
 
@@ -88,40 +104,43 @@ def test_the_log_of_the_softmax_denominator_is_that_of_the_plain_one_with_its_gr
     queries, maps = _case(torch.float64)
     dense = unit(dense_descriptors(maps), dim=1)
     plain = (T * (queries @ dense.flatten(2))).logsumexp(-1)
-    fast = fast_search(queries, maps, temperature=T, dtype=torch.float64).log_sums
+    fast = _fast(queries, maps, dtype=torch.float64).log_sums
     assert_allclose(fast.detach(), plain.detach(), atol=1e-9)
     leaves = [queries, *maps]
     for mine, theirs in zip(_slopes(fast, leaves), _slopes(plain, leaves), strict=True):
         assert_allclose(mine, theirs, atol=1e-9 * float(theirs.abs().max()))
 
 
-def test_with_a_stride_of_two_each_sample_of_an_even_picture_counts_for_four() -> None:
-    maps = tuple(torch.ones_like(each) for each in drawn_maps(32))
-    queries = unit(torch.rand(1, 3, 248))
-    whole, half = (fast_search(queries, maps, temperature=T, stride=stride).log_sums for stride in (1, 2))
-    assert_allclose(half, whole, rtol=1e-5)
+@pytest.mark.parametrize("stride", [1, 2])
+def test_similarity_at_a_place_is_interpolated_between_the_samples_around(stride: int) -> None:
+    queries, maps = _case(torch.float64, 32)
+    picture = dense_picture(maps, stride=stride)
+    row, column = 5, 8  # of samples; the place is a quarter of the way down and 60 % of the way right
+    place = (torch.tensor([row + 0.25, column + 0.6], dtype=torch.float64) + 0.5) * stride - 0.5
+    found = picture.similarity(queries, place.expand(1, 9, 2))
+    around = queries @ picture.descriptors[:, :, row : row + 2, column : column + 2].flatten(2)
+    shares = torch.tensor([0.75 * 0.4, 0.75 * 0.6, 0.25 * 0.4, 0.25 * 0.6], dtype=torch.float64)
+    assert_allclose(found.detach(), (around @ shares).detach(), atol=1e-12)
 
 
 def test_a_descriptor_finds_its_own_pixel_when_the_temperature_is_high() -> None:
     maps = drawn_maps(32)
     pixels = torch.tensor([[[4.0, 9.0], [30.0, 1.0], [17.0, 22.0]]])
-    found = fast_expected_matches(descriptors_at(maps, pixels), maps, temperature=2000.0)
+    found = _places(descriptors_at(maps, pixels), maps, temperature=2000.0)
     assert_allclose(found, pixels, atol=1e-3)
 
 
 def test_no_difference_means_the_middle_of_the_picture() -> None:
     maps = tuple(torch.ones_like(each) for each in drawn_maps(32))
     queries = unit(torch.rand(1, 3, 248))
-    assert_allclose(
-        fast_expected_matches(queries, maps, temperature=100.0), torch.full((1, 3, 2), 15.5), rtol=1e-4
-    )
+    assert_allclose(_places(queries, maps, temperature=100.0), torch.full((1, 3, 2), 15.5), rtol=1e-4)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_far_off_similarities_neither_overflow_nor_vanish(sign: int) -> None:
     maps = drawn_maps(32)
     queries = sign * unit(dense_descriptors(maps)[:, :, 3, 3])[:, None]
-    places = fast_expected_matches(queries, maps, temperature=3000.0)
+    places = _places(queries, maps, temperature=3000.0)
     assert bool(places.isfinite().all())
     expected = expected_matches(queries, maps, temperature=3000.0)
     assert_allclose(places, expected, atol=0.05)
@@ -133,7 +152,7 @@ def test_a_lone_peak_between_the_samples_looked_at_first_is_not_lost() -> None:
     maps[0][0, 3, 7, 9] = 50.0
     query = torch.zeros(1, 1, 248)
     query[..., 3] = 1
-    assert_allclose(fast_expected_matches(query, maps, temperature=400.0), [[[7.0, 9.0]]], atol=1e-3)
+    assert_allclose(_places(query, maps, temperature=400.0), [[[7.0, 9.0]]], atol=1e-3)
 
 
 def test_weights_are_one_for_certain_equals_and_zero_for_opposites() -> None:
@@ -144,12 +163,4 @@ def test_weights_are_one_for_certain_equals_and_zero_for_opposites() -> None:
 
 def test_a_stride_that_does_not_exist_is_refused() -> None:
     with pytest.raises(ValueError, match="stride must be one of"):
-        fast_expected_matches(*_case(torch.float32), temperature=T, stride=3)
-
-
-def test_what_inference_used_first_serves_training() -> None:
-    tiles.resizing.cache_clear()
-    with torch.inference_mode():
-        kept = tiles.resizing(4, 16)
-    assert not kept.is_inference()
-    assert tiles.resizing(4, 16) is kept
+        _fast(*_case(torch.float32), stride=3)
