@@ -16,12 +16,9 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 from echoscape.learn.augment import PlaneMotion
 from echoscape.learn.image import Projector, range_cells
 from echoscape.learn.keypoints import Keypoints
-from echoscape.learn.model import Features, KeypointModel, Matching
-from echoscape.learn.pose import Motion, residuals_m, rotation_of_yaw
+from echoscape.learn.model import Destination, Features, KeypointModel, Matching, destination_of
+from echoscape.learn.pose import ROBUST_SCALE_PX, Motion, residuals_m, rotation_of_yaw
 from echoscape.learn.rolling import Rolling, solved
-
-_SCALE_PX = 1.5
-"""How far off a match may be before it counts as wrong; about what matches of trained models scatter by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +88,7 @@ class Estimator:
         rolling: how the scans rolled, for the motion from mid-scan to mid-scan of a car that is not slow;
         without it points count as if they had all been seen at once.
         """
-        return self._estimate(source.plain.keypoints, destination, 0.0, rolling)
+        return self._estimate(source.plain.keypoints, self._prepared(destination), 0.0, rolling)
 
     @torch.inference_mode()
     def estimate_any_heading(
@@ -108,11 +105,9 @@ class Estimator:
         if headings < 1:
             raise ValueError(f"headings must be 1 or more, got {headings}")
         turns = [2 * math.pi * number / headings for number in range(headings)]
-        tried = [self._turned(source, destination, turn) for turn in turns]
-        best = max(tried, key=lambda each: each.agreement)
-        return max(
-            self._turned(source, destination, best.motion.yaw_rad), best, key=lambda each: each.agreement
-        )
+        into = self._prepared(destination)
+        best = max((self._turned(source, into, turn) for turn in turns), key=lambda each: each.agreement)
+        return max(self._turned(source, into, best.motion.yaw_rad), best, key=lambda each: each.agreement)
 
     @torch.inference_mode()
     def embedding(self, scan: ScanFeatures) -> NDArray[np.float32]:
@@ -126,19 +121,21 @@ class Estimator:
         with torch.autocast("cpu", self.solving.network, enabled=self.solving.network != torch.float32):
             return self.model.features(picture)
 
-    def _turned(self, source: ScanFeatures, destination: ScanFeatures, turn_rad: float) -> PairEstimate:
+    def _prepared(self, scan: ScanFeatures) -> Destination:
+        return destination_of(scan.plain.maps, scan.plain.scores, self.solving.matching)
+
+    def _turned(self, source: ScanFeatures, into: Destination, turn_rad: float) -> PairEstimate:
         keypoints = self._seen(source.cells, turn_rad).keypoints if turn_rad else source.plain.keypoints
-        return self._estimate(keypoints, destination, turn_rad, None)
+        return self._estimate(keypoints, into, turn_rad, None)
 
     def _estimate(
-        self, keypoints: Keypoints, destination: ScanFeatures, turn_rad: float, rolling: Rolling | None
+        self, keypoints: Keypoints, into: Destination, turn_rad: float, rolling: Rolling | None
     ) -> PairEstimate:
         """Match keypoints that were seen after the picture was turned, turn them back, and solve."""
-        into = destination.plain
-        found = self.model.matches(keypoints, into.maps, into.scores, self.solving.matching)
+        found = self.model.matches(keypoints, into, self.solving.matching)
         back = rotation_of_yaw(torch.tensor([-turn_rad]))
         found = replace(found, source_m=found.source_m @ back.transpose(1, 2))
-        scale_m = _SCALE_PX * self.model.settings.image.pixel_m
+        scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m
         motion, found = solved(found, scale_m=scale_m if self.solving.robust else None, rolling=rolling)
         off = residuals_m(found.source_m, found.destination_m, motion) / scale_m
         return PairEstimate(

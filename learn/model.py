@@ -66,6 +66,15 @@ class Features:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Destination:
+    """B pictures made ready to be searched: the encoder's maps, the scores, and the dense descriptors."""
+
+    maps: Maps
+    scores: Tensor | None
+    dense: DensePicture
+
+
+@dataclass(frozen=True, kw_only=True)
 class Matches:
     """Keypoints of B sources and what they were matched to.
 
@@ -114,8 +123,8 @@ class KeypointModel(nn.Module):
             logits = None if self.locations is None else self.locations(source_maps)
         maps = tuple(each.float() for each in maps)
         found = self.keypoints(tuple(each[:count] for each in maps), _part(scores, 0, count), logits)
-        into = tuple(each[count:] for each in maps)
-        return self.matches(found, into, _part(scores, count, None), matching, truth)
+        into = destination_of(tuple(each[count:] for each in maps), _part(scores, count, None), matching)
+        return self.matches(found, into, matching, truth)
 
     def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
         """Return the encoder's maps and the scores of images (B, 1, H, H)."""
@@ -137,29 +146,22 @@ class KeypointModel(nn.Module):
         return keypoints_at(centres.expand(maps[0].shape[0], -1, -1), maps, scores)
 
     def matches(
-        self,
-        source: Keypoints,
-        maps: Maps,
-        scores: Tensor | None,
-        matching: Matching | None = None,
-        truth: Motion | None = None,
+        self, source: Keypoints, into: Destination, matching: Matching, truth: Motion | None = None
     ) -> Matches:
-        """Look for the source's keypoints in destinations that have these maps and scores."""
-        how = matching or Matching()
-        picture = dense_picture(maps, stride=how.stride)
+        """Look for the source's keypoints in destinations, prepared for the same matching."""
         temperature = self.settings.temperature
-        found = fast_search(source.descriptors, picture, temperature=temperature, dtype=how.dtype)
+        found = fast_search(source.descriptors, into.dense, temperature=temperature, dtype=matching.dtype)
         places = found.places_px
-        similarity = (source.descriptors * descriptors_at(maps, places)).sum(-1)
-        matched = torch.ones_like(similarity) if scores is None else sampled(scores, places)[..., 0]
+        similarity = (source.descriptors * descriptors_at(into.maps, places)).sum(-1)
+        matched = torch.ones_like(similarity) if into.scores is None else sampled(into.scores, places)[..., 0]
         return Matches(
             source_m=self.metres(source.points_px),
             destination_m=self.metres(places),
             weights=match_weights(similarity, source.scores, matched),
-            surprisal=None if truth is None else self._surprisal(source, picture, found.log_sums, truth),
+            surprisal=None if truth is None else self._surprisal(source, into.dense, found.log_sums, truth),
         )
 
-    def _surprisal(self, source: Keypoints, picture: DensePicture, log_sums: Tensor, truth: Motion) -> Tensor:
+    def _surprisal(self, source: Keypoints, dense: DensePicture, log_sums: Tensor, truth: Motion) -> Tensor:
         """Return (B, N) [nat]: log sum - T q . d at the true places, 0 where these are not in the picture.
 
         The true place shares in the samples around it, as bilinear interpolation has it: were its descriptor
@@ -170,7 +172,7 @@ class KeypointModel(nn.Module):
             moved(self.metres(source.points_px), truth), size=image.size, pixel_m=image.pixel_m
         )
         inside = ((places >= 0) & (places <= image.size - 1)).all(-1)
-        similarity = picture.similarity(source.descriptors, places.detach())
+        similarity = dense.similarity(source.descriptors, places.detach())
         return torch.where(inside, log_sums - self.settings.temperature * similarity, 0.0)
 
     def metres(self, points_px: Tensor) -> Tensor:
@@ -181,6 +183,11 @@ class KeypointModel(nn.Module):
     def embedding(self, features: Features) -> Tensor:
         """Return (B, 248), the description of the place."""
         return embedding(features.maps)
+
+
+def destination_of(maps: Maps, scores: Tensor | None, matching: Matching) -> Destination:
+    """Return pictures with these maps and scores, ready to be searched."""
+    return Destination(maps=maps, scores=scores, dense=dense_picture(maps, stride=matching.stride))
 
 
 def _part(values: Tensor | None, first: int, end: int | None) -> Tensor | None:

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+ROBUST_SCALE_PX = 1.5
+"""How far off a match may be before it counts as wrong; about what matches of trained models scatter by."""
+
 _SMALLEST_WEIGHT = 1e-12
 
 

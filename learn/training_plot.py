@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from echoscape.learn.model import KeypointModel
+from echoscape.learn.model import KeypointModel, Matching
 from echoscape.learn.pairs import Pair, PairSet
+from echoscape.learn.pose import moved
 from echoscape.sim.whole_files import read_text, temporary_beside
 
 
@@ -48,16 +49,14 @@ def _draw_matches(axes: Axes, model: KeypointModel, pairs: PairSet, pair: Pair) 
     batch = pairs.batch([pair])
     training = model.training
     model.eval()
-    source, into = model.features(batch.source), model.features(batch.destination)
-    matches = model.matches(source.keypoints, into.maps, into.scores)
+    matches = model(batch.source, batch.destination, Matching(stride=2), torch.float32)
     model.train(training)
-    motion = matches.motion()
-    moved = (matches.source_m @ motion.rotation.transpose(1, 2) + motion.translation_m)[0].numpy()
+    start_m = moved(matches.source_m, matches.motion())[0].numpy()
     found, weight = matches.destination_m[0].numpy(), matches.weights[0].numpy()
     half = model.settings.image.size * model.settings.image.pixel_m / 2
     axes.imshow(batch.destination[0, 0].numpy(), cmap="gray", extent=(-half, half, -half, half), vmax=0.6)
     best = np.argsort(weight)[-150:]
-    for start, end in zip(moved[best], found[best], strict=True):
+    for start, end in zip(start_m[best], found[best], strict=True):
         axes.plot([start[1], end[1]], [start[0], end[0]], color="tab:orange", linewidth=0.7)
     axes.scatter(found[best, 1], found[best, 0], s=4, color="tab:green")
     axes.set(xlim=(-half, half), ylim=(-half, half), title="a pair's 150 heaviest matches: place and error")

@@ -10,6 +10,7 @@ from echoscape.learn.augment import TurnSettings
 from echoscape.learn.loss import pose_errors, pose_loss
 from echoscape.learn.model import KeypointModel, Matching
 from echoscape.learn.pairs import Pair, PairSet
+from echoscape.learn.pose import ROBUST_SCALE_PX, robust_motion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,13 +35,15 @@ def fixed_pairs(pairs: PairSet, count: int, *, seed: int, largest_rad: float = 0
 def pair_errors(
     model: KeypointModel, pairs: PairSet, chosen: Sequence[Pair], matching: Matching, dtype: torch.dtype
 ) -> PairErrors:
-    """Return the errors over the chosen pairs; the model is in training mode afterwards if it was before."""
+    """Return the errors over the chosen pairs, solved as inference does by default; the model is in training mode afterwards if it was before."""
     training = model.training
+    scale_m = ROBUST_SCALE_PX * model.settings.image.pixel_m
     model.eval()
     found = []
     for pair in chosen:
         batch = pairs.batch([pair])
-        motion = model(batch.source, batch.destination, matching, dtype).motion()
+        found = model(batch.source, batch.destination, matching, dtype)
+        motion = robust_motion(found.source_m, found.destination_m, found.weights, scale_m=scale_m)
         shift, turn = pose_errors(motion, batch.motion)
         found.append((float(shift), float(turn), float(pose_loss(motion, batch.motion))))
     model.train(training)

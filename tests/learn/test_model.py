@@ -12,7 +12,7 @@ from echoscape.learn.descriptors import dense_descriptors
 from echoscape.learn.image import ImageSettings, image_of_codes
 from echoscape.learn.inference import Estimator, folded
 from echoscape.learn.keypoints import keypoints_at
-from echoscape.learn.model import KeypointModel, Matching, ModelSettings
+from echoscape.learn.model import KeypointModel, Matching, ModelSettings, destination_of
 from echoscape.learn.pixels import pixels_of_metres
 from echoscape.learn.train import initial_model
 from echoscape.learn.unet import CHANNELS, Maps
@@ -47,7 +47,8 @@ def test_ideal_descriptors_give_the_motion(yaw: float, matching: Matching) -> No
     model = KeypointModel(SETTINGS)
     destination, source = (2.0, -3.0, 0.7), (2.0 + 5.3, -3.0 + 4.1, 0.7 + yaw)
     keypoints = keypoints_at(_inner_points(), _ideal_maps(*source), None)
-    found = model.matches(keypoints, _ideal_maps(*destination), None, matching).motion()
+    into = destination_of(_ideal_maps(*destination), None, matching)
+    found = model.matches(keypoints, into, matching).motion()
     shift = complex(5.3, 4.1) * np.exp(-0.7j)  # forward + i right, in the destination's frame
     assert_allclose(found.translation_m[0], [shift.real, shift.imag], atol=0.02 * PIXEL_M)
     assert_allclose(math.remainder(float(found.yaw_rad) - yaw, 2 * math.pi), 0, atol=1e-3)
