@@ -35,15 +35,18 @@ def fixed_pairs(pairs: PairSet, count: int, *, seed: int, largest_rad: float = 0
 def pair_errors(
     model: KeypointModel, pairs: PairSet, chosen: Sequence[Pair], matching: Matching, dtype: torch.dtype
 ) -> PairErrors:
-    """Return the errors over the chosen pairs, solved as inference does by default; the model is in training mode afterwards if it was before."""
+    """Return the errors over the chosen pairs, solved robustly as inference does.
+
+    The model is in training mode afterwards if it was before.
+    """
     training = model.training
     scale_m = ROBUST_SCALE_PX * model.settings.image.pixel_m
     model.eval()
     found = []
     for pair in chosen:
         batch = pairs.batch([pair])
-        found = model(batch.source, batch.destination, matching, dtype)
-        motion = robust_motion(found.source_m, found.destination_m, found.weights, scale_m=scale_m)
+        matches = model(batch.source, batch.destination, matching, dtype)
+        motion = robust_motion(matches.source_m, matches.destination_m, matches.weights, scale_m=scale_m)
         shift, turn = pose_errors(motion, batch.motion)
         found.append((float(shift), float(turn), float(pose_loss(motion, batch.motion))))
     model.train(training)
