@@ -12,6 +12,9 @@ from torch.nn.functional import interpolate, max_pool2d
 CHANNELS = (8, 16, 32, 64, 128)
 """Channels of the encoder's blocks; together the 248 of a descriptor."""
 
+_MOMENTUM = 0.01
+"""Share of a step in the running mean and variance: a step sees one pair, and scenes differ more than that."""
+
 Maps = tuple[Tensor, ...]
 """The encoder's outputs, finest first: map l is (B, CHANNELS[l], H / 2^l, W / 2^l)."""
 
@@ -20,8 +23,8 @@ def block(inputs: int, outputs: int) -> nn.Sequential:
     """Return two 3 x 3 convolutions, each with batch normalisation and ReLU."""
     layers: list[nn.Module] = []
     for channels in (inputs, outputs):
-        layers += [nn.Conv2d(channels, outputs, 3, padding=1, bias=False), nn.BatchNorm2d(outputs)]
-        layers += [nn.ReLU(inplace=True)]
+        layers += [nn.Conv2d(channels, outputs, 3, padding=1, bias=False)]
+        layers += [nn.BatchNorm2d(outputs, momentum=_MOMENTUM), nn.ReLU(inplace=True)]
     return nn.Sequential(*layers)
 
 
