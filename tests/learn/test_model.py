@@ -10,7 +10,7 @@ from torch import Tensor
 
 from echoscape.learn.descriptors import dense_descriptors
 from echoscape.learn.image import ImageSettings, image_of_codes
-from echoscape.learn.inference import Estimator, folded
+from echoscape.learn.inference import Estimator, Solving, folded
 from echoscape.learn.keypoints import keypoints_at
 from echoscape.learn.model import KeypointModel, Matching, ModelSettings, destination_of
 from echoscape.learn.pixels import pixels_of_metres
@@ -101,7 +101,7 @@ def test_folding_normalisation_into_convolutions_changes_rounding_alone() -> Non
 def test_a_scan_matched_with_itself_has_not_moved() -> None:
     # Without location head: keypoints at the same places, each found at its own pixel by a sharp softmax.
     settings = ModelSettings(image=SETTINGS.image, temperature=5000.0, location_head=False)
-    estimator = Estimator(_used_to(_codes(), settings))
+    estimator = Estimator(_used_to(_codes(), settings), Solving(robust=False))
     codes = _codes()
     scan = estimator.features(codes, BIN_M)
     same = estimator.estimate(scan, scan)
@@ -113,7 +113,7 @@ def test_a_scan_matched_with_itself_has_not_moved() -> None:
 
 def test_headings_find_a_source_that_was_turned() -> None:
     settings = ModelSettings(image=SETTINGS.image, temperature=3000.0, location_head=False, score_head=False)
-    estimator = Estimator(_used_to(_codes(), settings))
+    estimator = Estimator(_used_to(_codes(), settings), Solving(robust=False))
     codes = _codes()
     source, destination = (estimator.features(each, BIN_M) for each in (np.roll(codes, -100, 0), codes))
     found = estimator.estimate_any_heading(source, destination, headings=4).motion
