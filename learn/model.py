@@ -15,7 +15,7 @@ from echoscape.learn.image import ImageSettings
 from echoscape.learn.keypoints import Keypoints, cell_centres, expected_places, keypoints_at
 from echoscape.learn.matching import match_weights
 from echoscape.learn.pixels import metres_of_pixels, pixels_of_metres
-from echoscape.learn.pose import Motion, motion_of_matches, moved
+from echoscape.learn.pose import Motion, motion_of_matches, moved, robust_motion
 from echoscape.learn.unet import Decoder, Encoder, Maps
 
 
@@ -88,9 +88,14 @@ class Matches:
     weights: Tensor
     surprisal: Tensor | None = None
 
-    def motion(self) -> Motion:
-        """Return the motion T_destination_source that fits the matches best."""
-        return motion_of_matches(self.source_m, self.destination_m, self.weights)
+    def motion(self, *, robust_scale_m: float | None = None) -> Motion:
+        """Return the motion T_destination_source that fits the matches best.
+
+        robust_scale_m: see `pose.robust_motion`; None for least squares of all.
+        """
+        if robust_scale_m is None:
+            return motion_of_matches(self.source_m, self.destination_m, self.weights)
+        return robust_motion(self.source_m, self.destination_m, self.weights, scale_m=robust_scale_m)
 
 
 class KeypointModel(nn.Module):

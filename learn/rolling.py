@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from echoscape.learn.model import Matches
-from echoscape.learn.pose import Motion, robust_motion
+from echoscape.learn.pose import Motion
 
 _ROUNDS = 3
 
@@ -85,20 +85,14 @@ def solved(
     are gives the velocities; those move the points, and so on, thrice: each round leaves about a thousandth
     of the error before it. Without it, points are taken as they are.
     """
-    moved, motion = matches, _motion(matches, scale_m)
+    moved, motion = matches, matches.motion(robust_scale_m=scale_m)
     for _ in range(_ROUNDS if rolling is not None else 0):
         assert rolling is not None
         twist = twist_between(motion, rolling.gap_s)
         places = [at_middle(each, twist, rolling) for each in (matches.source_m, matches.destination_m)]
         moved = Matches(source_m=places[0], destination_m=places[1], weights=matches.weights)
-        motion = _motion(moved, scale_m)
+        motion = moved.motion(robust_scale_m=scale_m)
     return motion, moved
-
-
-def _motion(matches: Matches, scale_m: float | None) -> Motion:
-    if scale_m is None:
-        return matches.motion()
-    return robust_motion(matches.source_m, matches.destination_m, matches.weights, scale_m=scale_m)
 
 
 def _moved(twist: Twist, time_s: Tensor) -> tuple[Tensor, Tensor]:

@@ -26,7 +26,7 @@ from echoscape.learn.checkpoint import FILE_NAME, Checkpoint, Progress, read_che
 from echoscape.learn.loss import likelihood_loss, match_loss, pose_errors, pose_loss, score_loss
 from echoscape.learn.model import KeypointModel, Matches, ModelSettings
 from echoscape.learn.pairs import PairSet
-from echoscape.learn.pose import Motion
+from echoscape.learn.pose import ROBUST_SCALE_PX, Motion
 from echoscape.learn.train_settings import DTYPES, TrainSettings
 from echoscape.learn.training_log import LOG_FILE, Report, TrainingLog
 from echoscape.learn.training_plot import draw_training
@@ -164,7 +164,8 @@ class _Run:
         truth = batch.motion if settings.likelihood_weight > 0 else None
         network = DTYPES[settings.network]
         matches = self.forward(batch.source, batch.destination, settings.matching, network, truth)
-        motion = matches.motion()
+        scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m if settings.robust_pose else None
+        motion = matches.motion(robust_scale_m=scale_m)
         loss = self._loss(matches, motion, batch.motion)
         if not bool(loss.isfinite()):
             raise ValueError(f"loss must be finite, got {float(loss.detach())} at step {step}; pairs {drawn}")

@@ -35,6 +35,8 @@ class TrainSettings:
     """Steps in which the rate then halves, evenly; 0: never."""
     alpha_m: float = ALPHA_M
     """Weight of the rotation's error in the loss [m]."""
+    robust_pose: bool = False
+    """Solve the pose as inference does, matches that disagree weighed down; else by least squares of all."""
     match_weight: float = 0.0
     """Weight of the matches' own error in the loss [m/m]; 0: without."""
     likelihood_weight: float = 0.0

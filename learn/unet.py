@@ -13,7 +13,7 @@ CHANNELS = (8, 16, 32, 64, 128)
 """Channels of the encoder's blocks; together the 248 of a descriptor."""
 
 _MOMENTUM = 0.01
-"""Share of a step in the running mean and variance: a step sees one pair, and scenes differ more than that."""
+"""Share of a step in the running mean and variance: a step sees one pair, and scenes differ."""
 
 Maps = tuple[Tensor, ...]
 """The encoder's outputs, finest first: map l is (B, CHANNELS[l], H / 2^l, W / 2^l)."""

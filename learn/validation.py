@@ -10,7 +10,7 @@ from echoscape.learn.augment import TurnSettings
 from echoscape.learn.loss import pose_errors, pose_loss
 from echoscape.learn.model import KeypointModel, Matching
 from echoscape.learn.pairs import Pair, PairSet
-from echoscape.learn.pose import ROBUST_SCALE_PX, robust_motion
+from echoscape.learn.pose import ROBUST_SCALE_PX
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ def pair_errors(
     for pair in chosen:
         batch = pairs.batch([pair])
         matches = model(batch.source, batch.destination, matching, dtype)
-        motion = robust_motion(matches.source_m, matches.destination_m, matches.weights, scale_m=scale_m)
+        motion = matches.motion(robust_scale_m=scale_m)
         shift, turn = pose_errors(motion, batch.motion)
         found.append((float(shift), float(turn), float(pose_loss(motion, batch.motion))))
     model.train(training)

@@ -150,7 +150,7 @@ def test_without_tensorboard_the_log_is_lines_alone(tmp_path: Path, monkeypatch:
     assert json.loads((tmp_path / "log.jsonl").read_text()) == {"step": 1, "loss_m": 2.0}
 
 
-@pytest.mark.parametrize("name", ["match_weight", "likelihood_weight", "score_weight"])
+@pytest.mark.parametrize("name", ["match_weight", "likelihood_weight", "score_weight", "robust_pose"])
 def test_losses_of_matches_change_what_is_learned(data: Data, tmp_path: Path, name: str) -> None:
     two = TrainSettings(steps=2)
     plain = train(tmp_path / "plain", MODEL, two, data)
