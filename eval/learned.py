@@ -8,7 +8,7 @@ from pathlib import Path
 
 from echoscape import learn
 from echoscape.eval.estimator import Matches, PairFailed, PairMotion
-from echoscape.learn.inference import Estimator, ScanFeatures
+from echoscape.learn.inference import Estimator, ScanFeatures, quick_solving
 from echoscape.learn.rolling import Rolling
 from echoscape.learn.weights import read_weights
 from echoscape.sim.polar_scan import PolarScan
@@ -124,4 +124,6 @@ def learned_odometry(
         DatasetError: the file is no weights.
     """
     model, _ = read_weights(weights)
-    return LearnedOdometry(Estimator(model), range_offset_m=range_offset_m, doppler_beta_s=doppler_beta_s)
+    return LearnedOdometry(
+        Estimator(model, quick_solving()), range_offset_m=range_offset_m, doppler_beta_s=doppler_beta_s
+    )
