@@ -102,7 +102,12 @@ class _Run:
         self.chosen = (
             []
             if data.validation is None
-            else fixed_pairs(data.validation, settings.validate_pairs, seed=settings.seed)
+            else fixed_pairs(
+                data.validation,
+                settings.validate_pairs,
+                seed=settings.seed,
+                gap_power=settings.gap_power,
+            )
         )
 
     @property

@@ -24,11 +24,14 @@ class PairErrors:
     loss_m: float
 
 
-def fixed_pairs(pairs: PairSet, count: int, *, seed: int, largest_rad: float = 0.0) -> list[Pair]:
+def fixed_pairs(
+    pairs: PairSet, count: int, *, seed: int, largest_rad: float = 0.0, gap_power: float = 0.0
+) -> list[Pair]:
     """Return pairs drawn once and for all; largest_rad: of the source's turn, both headings at 0."""
     turns = TurnSettings(common=False, largest_rad=largest_rad, first_step=0, full_step=1)
     stream = np.random.SeedSequence([seed, 1])
-    return [pairs.drawn(turns, 1, rng=np.random.default_rng(each)) for each in stream.spawn(count)]
+    draws = map(np.random.default_rng, stream.spawn(count))
+    return [pairs.drawn(turns, 1, rng=each, gap_power=gap_power) for each in draws]
 
 
 @torch.no_grad()
