@@ -13,16 +13,15 @@ import torch
 from benchmarks.machine import description
 from benchmarks.training_step import medians
 from echoscape.learn.image import ImageSettings, Projector, range_cells
-from echoscape.learn.inference import Estimator, Solving
-from echoscape.learn.model import Matching, ModelSettings
+from echoscape.learn.inference import Estimator, Solving, quick_solving
+from echoscape.learn.matching import expected_matches
+from echoscape.learn.model import ModelSettings
 from echoscape.learn.train import initial_model
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.heap import keep_freed_memory
 
-DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 
-
-def measure(size: int, solving: Solving, repeats: int) -> None:
+def measure(label: str, size: int, solving: Solving, repeats: int) -> None:
     """Print what each part takes at one size."""
     image = ImageSettings(size=size, pixel_m=0.6912 * 320 / size)
     estimator = Estimator(initial_model(ModelSettings(image=image), seed=1), solving)
@@ -36,9 +35,25 @@ def measure(size: int, solving: Solving, repeats: int) -> None:
     }
     found = {name: medians(part, repeats) for name, part in parts.items()}
     for name, (seconds, used) in found.items():
-        print(f"{size} px, {name}: {seconds:.3f} s ({used:.3f} s of processor time)", flush=True)
+        print(f"{label}, {name}: {seconds:.3f} s ({used:.3f} s of processor time)", flush=True)
     rate = 1 / (found["picture and features"][0] + found["pair"][0])
-    print(f"{size} px, scans a second of a drive: {rate:.1f}", flush=True)
+    print(f"{label}, pairs a second of a drive: {rate:.1f}", flush=True)
+
+
+@torch.inference_mode()
+def measure_plain(size: int, repeats: int) -> None:
+    """Print what the plain form takes for a pair: normalisation by itself, the whole similarity matrix."""
+    image = ImageSettings(size=size, pixel_m=0.6912 * 320 / size)
+    model = initial_model(ModelSettings(image=image), seed=1).eval()
+    picture = torch.rand(1, 1, size, size)
+    kept = model.features(picture)
+
+    def pair() -> None:
+        found = model.features(picture)
+        expected_matches(found.keypoints.descriptors, kept.maps, temperature=model.settings.temperature)
+
+    seconds, used = medians(pair, repeats)
+    print(f"{size} px, plain, features and matches: {seconds:.3f} s ({used:.3f} s of processor time)")
 
 
 def main() -> None:
@@ -49,16 +64,17 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="+", default=[320, 640])
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--stride", type=int, default=1)
-    parser.add_argument("--products", choices=DTYPES, default="float32")
-    parser.add_argument("--network", choices=DTYPES, default="float32")
     options = parser.parse_args()
     keep_freed_memory()
     torch.set_num_threads(options.threads)
     print(f"{description()}, torch {torch.__version__}, {options.threads} thread(s)")
     for size in options.sizes:
-        matching = Matching(stride=options.stride, dtype=DTYPES[options.products])
-        measure(size, Solving(matching=matching, network=DTYPES[options.network]), options.repeats)
+        for name, solving in {
+            "every pixel, float32": Solving(),
+            "as odometry has it": quick_solving(),
+        }.items():
+            measure(f"{size} px, {name}", size, solving, options.repeats)
+        measure_plain(size, options.repeats)
 
 
 if __name__ == "__main__":

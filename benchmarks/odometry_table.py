@@ -32,10 +32,10 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("results", type=Path, nargs="+", help="folders that `echoscape odometry` wrote")
-    found = {path.name: _figures(path) for path in parser.parse_args().results}
+    found = [(path.name, _figures(path)) for path in parser.parse_args().results]
     print("| | " + " | ".join(label for _, label, _ in COLUMNS) + " |")
     print("|---" * (len(COLUMNS) + 1) + "|")
-    for name, figures in {**found, "mean": _means(list(found.values()))}.items():
+    for name, figures in [*found, ("mean", _means([each for _, each in found]))]:
         cells = [_cell(figures.get(key), digits) for key, _, digits in COLUMNS]
         print(f"| {name} | " + " | ".join(cells) + " |")
 

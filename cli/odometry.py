@@ -14,6 +14,7 @@ from echoscape.cli.parsing import parsed
 from echoscape.cli.stages import Stages
 
 if TYPE_CHECKING:
+    from echoscape.eval.any_heading import Places
     from echoscape.eval.estimator import Estimator
     from echoscape.eval.odometry import Odometry
     from echoscape.sim.folders import ScanFolder
@@ -65,11 +66,13 @@ def main(arguments: Sequence[str]) -> int:
 
 def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]":
     """Run the odometry and write its files; nothing is written before all of it is there."""
+    from echoscape.eval.any_heading import places_of
     from echoscape.eval.fidelity import check_out
     from echoscape.eval.odometry import run_odometry
     from echoscape.eval.odometry_metrics import metrics
     from echoscape.eval.odometry_report import write_odometry_report
     from echoscape.sim.folders import open_folder
+    from echoscape.sim.heap import keep_freed_memory
 
     if options.weights is not None and options.method != "learned":
         raise ValueError(f"--weights go with --method learned only, got --method {options.method}")
@@ -83,10 +86,12 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
         raise ValueError(f"--any-heading goes with --method learned only, got --method {options.method}")
     folder = open_folder(options.data)
     check_out(options.out)
+    keep_freed_memory()
     estimator = _estimator(options, folder)
+    places = places_of(folder, options.any_heading) if options.any_heading else None
     with Stages(Console(stderr=True)) as stages:
         found = run_odometry(folder, estimator, progress=stages.report)
-        more = _any_heading(options, folder, estimator, stages)
+        more = _any_heading(places, folder, estimator, stages)
         stages.report("report", 0, 1)
         paths = write_odometry_report(options.out, found, folder, estimator, more)
         stages.report("report", 1, 1)
@@ -94,16 +99,15 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
 
 
 def _any_heading(
-    options: Options, folder: "ScanFolder", estimator: "Estimator[Any]", stages: Stages
+    places: "Places | None", folder: "ScanFolder", estimator: "Estimator[Any]", stages: Stages
 ) -> "dict[str, Any]":
     """Return the figures of turned pairs under `any_heading`, or nothing where they are not asked for."""
     from echoscape.eval.any_heading import any_heading
     from echoscape.eval.learned import LearnedOdometry
 
-    if not (options.any_heading and isinstance(estimator, LearnedOdometry)):
+    if places is None or not isinstance(estimator, LearnedOdometry):
         return {}
-    figures = any_heading(folder, estimator.estimator, pairs=options.any_heading, progress=stages.report)
-    return {"any_heading": figures}
+    return {"any_heading": any_heading(folder, estimator.estimator, places, progress=stages.report)}
 
 
 def _estimator(options: Options, folder: "ScanFolder") -> "Estimator[Any]":

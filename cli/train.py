@@ -105,7 +105,7 @@ def _train(options: Options, model_settings: ModelSettings) -> int:
     except (DatasetError, ValueError) as error:
         return _refused(str(error), 2)
     except OSError as error:
-        return _refused(f"OUT {options.out}: {error}", 1)
+        return _refused(f"{error.filename or options.out}: {error.strerror or error}", 1)
     Console().print(
         f"{options.out}: trained in {time.monotonic() - since:.0f} s; last.safetensors, log.jsonl, loss.png"
     )
@@ -116,6 +116,9 @@ def _data(options: Options, image: ImageSettings, stages: Stages) -> Data:
     training = PairSet(options.data, image, cache=options.cache, report=stages.report)
     if not options.validate:
         return Data(training=training)
+    learned = {folder.resolve() for folder in options.data}
+    if both := [str(folder) for folder in options.validate if folder.resolve() in learned]:
+        raise ValueError(f"validate must be folders that are not learned from, got {', '.join(both)} in both")
     return Data(
         training=training,
         validation=PairSet(options.validate, image, cache=options.cache, report=stages.report),

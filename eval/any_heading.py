@@ -4,6 +4,7 @@ Source: the loop closures of Barnes & Posner 2020, section V, which meet a place
 up to 5 m apart, and the one to be found is turned to a drawn heading, by whole rows, which is exact.
 """
 
+import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ from echoscape.learn.augment import PlaneMotion, Turns, turned
 from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures
 from echoscape.sim.folders import ScanFolder
 from echoscape.sim.whole_files import DatasetError
+
+_LOG = logging.getLogger(__name__)
 
 APART_M = 5.0
 WITHIN_M, WITHIN_DEG = 0.5, 1.0
@@ -63,18 +66,16 @@ def turned_pairs(poses: NDArray[np.float64], rows: int, count: int, *, seed: int
     return found
 
 
-def any_heading(
-    folder: ScanFolder,
-    estimator: Estimator,
-    *,
-    pairs: int,
-    seed: int = 0,
-    headings: int = 16,
-    progress: Progress | None = None,
-) -> dict[str, Any]:
-    """Return the figures of `pairs` pairs with any headings: with hypotheses of the heading, and without.
+@dataclass(frozen=True, kw_only=True)
+class Places:
+    """Pairs of scans of one place, and the poses (N, 3) x, y [m], yaw [rad] that they are judged by."""
 
-    Shares are of pairs found within 0.5 m and 1 deg.
+    pairs: list[TurnedPair]
+    poses: NDArray[np.float64]
+
+
+def places_of(folder: ScanFolder, pairs: int, *, seed: int = 0) -> Places:
+    """Draw pairs of a folder's scans.
 
     Raises:
         DatasetError: the folder tells no poses, or has no scans of one place.
@@ -83,20 +84,39 @@ def any_heading(
     if world is None:
         raise DatasetError(f"{folder.folder}: any heading: tells no poses to judge by")
     poses = planar_of_world(world)
+    return Places(pairs=turned_pairs(poses, folder.sensor.azimuths, pairs, seed=seed), poses=poses)
+
+
+def any_heading(
+    folder: ScanFolder,
+    estimator: Estimator,
+    places: Places,
+    *,
+    headings: int = 16,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Return the figures of pairs with any headings: with hypotheses of the heading, and without.
+
+    Shares are of pairs found within 0.5 m and 1 deg; pairs of scans that cannot be read are not.
+    """
     report = progress or (lambda stage, done, total: None)
-    chosen = turned_pairs(poses, folder.sensor.azimuths, pairs, seed=seed)
     errors: dict[str, list[tuple[float, float]]] = {"": [], "plain_": []}
-    report("any heading", 0, pairs)
-    for number, pair in enumerate(chosen, 1):
-        source, destination = _features(folder, estimator, pair)
-        truth = _truth(poses, pair, folder.sensor.azimuths)
+    count = len(places.pairs)
+    report("any heading", 0, count)
+    for number, pair in enumerate(places.pairs, 1):
+        report("any heading", number, count)
+        try:
+            source, destination = _features(folder, estimator, pair)
+        except DatasetError as error:
+            _LOG.warning("any heading, pair %d failed: %s", number - 1, error)
+            continue
+        truth = _truth(places.poses, pair, folder.sensor.azimuths)
         found = estimator.estimate_any_heading(source, destination, headings=headings)
         errors[""].append(error_of(found, truth))
         errors["plain_"].append(error_of(estimator.estimate(source, destination), truth))
-        report("any heading", number, pairs)
-    figures: dict[str, Any] = {"pairs": pairs, "headings": headings}
+    figures: dict[str, Any] = {"pairs": count, "failed": count - len(errors[""]), "headings": headings}
     for name, each in errors.items():
-        figures |= {f"{name}{key}": value for key, value in _figures(each).items()}
+        figures |= {f"{name}{key}": value for key, value in _figures(each, count).items()}
     return figures
 
 
@@ -124,11 +144,11 @@ def _truth(poses: NDArray[np.float64], pair: TurnedPair, rows: int) -> PlaneMoti
     return turned(PlaneMotion(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad), Turns(source_rad=turn_rad))
 
 
-def _figures(errors: Sequence[tuple[float, float]]) -> dict[str, float]:
-    """Return the share within bounds and the medians of errors [m], [rad]."""
-    off_m, off_deg = np.array(errors).T * [[1.0], [math.degrees(1)]]
+def _figures(errors: Sequence[tuple[float, float]], count: int) -> dict[str, float | None]:
+    """Return the share of `count` pairs within bounds, and the medians of errors [m], [rad]."""
+    off_m, off_deg = np.array(errors).reshape(-1, 2).T * [[1.0], [math.degrees(1)]]
     return {
-        "within": float(((off_m <= WITHIN_M) & (off_deg <= WITHIN_DEG)).mean()),
-        "translation_m_median": float(np.median(off_m)),
-        "rotation_deg_median": float(np.median(off_deg)),
+        "within": float(((off_m <= WITHIN_M) & (off_deg <= WITHIN_DEG)).sum() / count),
+        "translation_m_median": float(np.median(off_m)) if errors else None,
+        "rotation_deg_median": float(np.median(off_deg)) if errors else None,
     }

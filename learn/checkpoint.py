@@ -59,4 +59,5 @@ def read_checkpoint(folder: Path) -> Checkpoint:
         content = torch.load(path, weights_only=True)
         return Checkpoint(**{**content, "progress": Progress(**content["progress"])})
     except (OSError, RuntimeError, EOFError, KeyError, TypeError, pickle.UnpicklingError) as error:
-        raise DatasetError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from error
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        raise DatasetError(f"{path}: cannot be read ({reason})") from error

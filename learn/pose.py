@@ -13,7 +13,7 @@ from torch import Tensor
 ROBUST_SCALE_PX = 1.0
 """How far off a match may be before it counts as wrong: of 0.35 to 2.5 best on held-out towns, by little."""
 
-_SMALLEST_WEIGHT = 1e-12
+_SMALLEST_SUM = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,13 +48,14 @@ def motion_of_matches(source_m: Tensor, destination_m: Tensor, weights: Tensor) 
     if source_m.shape != destination_m.shape or source_m.shape != (*weights.shape, 2):
         shapes = f"{tuple(source_m.shape)}, {tuple(destination_m.shape)} and {tuple(weights.shape)}"
         raise ValueError(f"points must be (B, N, 2) twice and weights (B, N), got {shapes}")
-    total = weights.sum(1, keepdim=True)
-    share = (weights / total.clamp(min=_SMALLEST_WEIGHT))[..., None]
+    share = _shares(weights)[..., None]
     source_mean, destination_mean = (share * source_m).sum(1), (share * destination_m).sum(1)
     source, destination = source_m - source_mean[:, None], destination_m - destination_mean[:, None]
     dot = (share * source * destination).sum((1, 2))
     cross = (share[..., 0] * _cross(source, destination)).sum(1)
-    rotation, certain = _rotation(dot, cross, _spread(share, source) + _spread(share, destination))
+    spread = _spread(share, source) + _spread(share, destination)
+    rounding = torch.finfo(dot.dtype).eps ** 2 * (_spread(share, source_m) + _spread(share, destination_m))
+    rotation, certain = _rotation(dot, cross, spread, rounding)
     moved_mean = (rotation @ source_mean[..., None])[..., 0]
     return Motion(rotation=rotation, translation_m=destination_mean - moved_mean, certain=certain)
 
@@ -95,14 +96,24 @@ def _cross(first: Tensor, second: Tensor) -> Tensor:
     return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
 
 
+def _shares(weights: Tensor) -> Tensor:
+    """Return weights (B, N) over their sum, however small that is; without any weight 0."""
+    largest = weights.detach().amax(1, keepdim=True)
+    scaled = weights / torch.where(largest > 0, largest, torch.ones_like(largest))
+    return scaled / scaled.sum(1, keepdim=True).clamp(min=_SMALLEST_SUM)
+
+
 def _spread(share: Tensor, points: Tensor) -> Tensor:
-    """Return (B,) the weighted variance of points about their centroid."""
+    """Return (B,) the weighted mean square of points: their variance, if they are about their centroid."""
     return (share * points.detach() ** 2).sum((1, 2)).detach()
 
 
-def _rotation(dot: Tensor, cross: Tensor, spread: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the rotations (B, 2, 2) of (dot, cross), and whether each is determined beyond rounding."""
-    certain = torch.hypot(dot, cross).detach() > 8 * torch.finfo(dot.dtype).eps * spread
+def _rotation(dot: Tensor, cross: Tensor, spread: Tensor, rounding: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the rotations (B, 2, 2) of (dot, cross), and whether each is determined beyond rounding.
+
+    spread: of the points about their centroids; rounding: what it may be by rounding alone [m^2].
+    """
+    certain = torch.hypot(dot, cross).detach() > 8 * torch.finfo(dot.dtype).eps * spread + 64 * rounding
     dot = torch.where(certain, dot, torch.ones_like(dot))
     cross = torch.where(certain, cross, torch.zeros_like(cross))
     return rotation_of_yaw(torch.atan2(cross, dot)), certain

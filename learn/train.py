@@ -62,7 +62,7 @@ def train(
     Raises:
         DatasetError: `out` is not empty (or, to resume, holds no run with these settings), or `start` is no
             model with the same heads.
-        ValueError: a loss is not finite, which ends the run at its last checkpoint.
+        ValueError: a loss or its gradient is not finite, which ends the run at its last checkpoint.
     """
     with _processes() as (rank, world):
         run = _Run(out, model_settings, settings, data, start, rank=rank, world=world, report=report)
@@ -94,7 +94,9 @@ class _Run:
         self.model = initial_model(model_settings, seed=settings.seed)
         begun = None if start is None else _begin_with(self.model, start)
         told = {"model": asdict(model_settings), "train": asdict(settings), "processes": world}
-        self.told = json.loads(json.dumps({**told, "data": data.training.names, "start": begun}))
+        held = [] if data.validation is None else data.validation.names
+        told |= {"data": data.training.names, "validation": held, "start": begun}
+        self.told = json.loads(json.dumps(told))
         self.optimiser = torch.optim.Adam(self.model.parameters(), settings.learning_rate)
         self.progress = Progress()
         self.forward = DistributedDataParallel(self.model) if world > 1 else self.model
@@ -140,6 +142,7 @@ class _Run:
         self.progress = checkpoint.progress
         if self.rank == 0:
             remove_temporaries(self.out)
+            write_whole(self.out / SETTINGS_FILE, (json.dumps(self.told, indent=1) + "\n").encode())
 
     def advance(self) -> None:
         """Make one step of Adam, and what is due after it."""
@@ -175,7 +178,9 @@ class _Run:
         if not bool(loss.isfinite()):
             raise ValueError(f"loss must be finite, got {float(loss.detach())} at step {step}; pairs {drawn}")
         loss.backward()
-        clip_grad_norm_(self.model.parameters(), settings.clip, error_if_nonfinite=True)
+        norm = clip_grad_norm_(self.model.parameters(), settings.clip)
+        if not bool(norm.isfinite()):
+            raise ValueError(f"gradients must be finite, got {float(norm)} at step {step}; pairs {drawn}")
         for group in self.optimiser.param_groups:
             group["lr"] = settings.rate(step)
         self.optimiser.step()

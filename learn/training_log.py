@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from echoscape.sim.whole_files import read_text, write_whole
+from echoscape.sim.whole_files import DatasetError, read_text, write_whole
 
 LOG_FILE, BOARD_FOLDER = "log.jsonl", "tensorboard"
 
@@ -26,9 +26,17 @@ class TrainingLog:
         self._board_folder, self._board = folder / BOARD_FOLDER, None
 
     def begin(self, step: int) -> None:
-        """Open the log, new or as it was after `step`; what a stopped run logged later is dropped."""
-        lines = read_text(self._path).splitlines() if self._path.exists() else []
-        kept = [line for line in lines if json.loads(line)["step"] <= step]
+        """Open the log, new or as it was after `step`; what a stopped run logged later is dropped.
+
+        Raises:
+            DatasetError: a line but the last, which may have been cut short, is none of a log.
+        """
+        lines = read_text(self._path).splitlines(keepends=True) if self._path.exists() else []
+        whole = [line.rstrip("\n") for line in lines if line.endswith("\n")]
+        try:
+            kept = [line for line in whole if json.loads(line)["step"] <= step]
+        except (ValueError, KeyError, TypeError) as error:
+            raise DatasetError(f"{self._path}: holds a line that is none of a log: {error}") from error
         write_whole(self._path, "".join(f"{line}\n" for line in kept).encode())
         self._board = _writer(self._board_folder, step)
 

@@ -50,6 +50,8 @@ def read_weights(path: Path) -> tuple[KeypointModel, dict[str, Any]]:
     try:
         with safe_open(path, "pt") as file:
             header = json.loads((file.metadata() or {}).get(_KEY, "{}"))
+            if not isinstance(header, dict):
+                raise DatasetError(f"{path}: its header is no dictionary")
             if header.get("format") != FORMAT:
                 raise DatasetError(f"{path}: its format is {header.get('format')!r}, wanted {FORMAT!r}")
             model = KeypointModel(settings_of(header["settings"]))

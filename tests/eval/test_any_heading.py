@@ -8,7 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from echoscape.eval.any_heading import APART_M, any_heading, turned_pairs
+from echoscape.eval.any_heading import APART_M, any_heading, places_of, turned_pairs
 from echoscape.learn.augment import PlaneMotion
 from echoscape.learn.inference import Estimator, PairEstimate
 from echoscape.sim.whole_files import DatasetError
@@ -80,8 +80,9 @@ def test_a_turn_is_found_by_who_can_and_missed_by_who_cannot(
 
     monkeypatch.setattr(type(folder), "read", same)
     told: list[int] = []
+    places = places_of(folder, 40)
     found = any_heading(
-        folder, cast(Estimator, Blind()), pairs=40, progress=lambda stage, done, total: told.append(done)
+        folder, cast(Estimator, Blind()), places, progress=lambda stage, done, total: told.append(done)
     )
     assert found["within"] == 1.0
     assert found["rotation_deg_median"] == pytest.approx(0, abs=1e-9)
@@ -92,4 +93,18 @@ def test_a_turn_is_found_by_who_can_and_missed_by_who_cannot(
 def test_a_folder_without_poses_cannot_judge(tmp_path: Path) -> None:
     folder = opened(write_drive(tmp_path / "drive", [(1.0, 0.0, 0.0)], truth=False))
     with pytest.raises(DatasetError, match="tells no poses"):
-        any_heading(folder, cast(Estimator, Blind()), pairs=1)
+        places_of(folder, 1)
+
+
+def test_scans_that_cannot_be_read_are_pairs_not_found(tmp_path: Path) -> None:
+    folder = opened(write_drive(tmp_path / "drive", [(0.0, 0.0, 0.0)] * 3))
+    places = places_of(folder, 30)
+    folder.paths[1].write_bytes(b"cut")
+    broken = sum(1 in (pair.source, pair.destination) for pair in places.pairs)
+    found = any_heading(folder, cast(Estimator, Blind()), places)
+    assert 0 < found["failed"] == broken < 30
+    assert found["within"] <= 1 - broken / 30
+    for path in folder.paths:
+        path.write_bytes(b"cut")
+    none = any_heading(folder, cast(Estimator, Blind()), places)
+    assert (none["failed"], none["within"], none["rotation_deg_median"]) == (30, 0.0, None)

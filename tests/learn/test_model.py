@@ -10,10 +10,11 @@ from torch import Tensor
 
 from echoscape.learn.descriptors import dense_descriptors
 from echoscape.learn.image import ImageSettings, image_of_codes
-from echoscape.learn.inference import Estimator, Solving, folded
+from echoscape.learn.inference import Estimator, Solving, folded, quick_solving
 from echoscape.learn.keypoints import keypoints_at
 from echoscape.learn.model import KeypointModel, Matching, ModelSettings, destination_of
 from echoscape.learn.pixels import pixels_of_metres
+from echoscape.learn.pose import Motion, moved, rotation_of_yaw
 from echoscape.learn.train import initial_model
 from echoscape.learn.unet import CHANNELS, Maps
 from tests.learn.folders import BIN_M
@@ -52,6 +53,60 @@ def test_ideal_descriptors_give_the_motion(yaw: float, matching: Matching) -> No
     shift = complex(5.3, 4.1) * np.exp(-0.7j)  # forward + i right, in the destination's frame
     assert_allclose(found.translation_m[0], [shift.real, shift.imag], atol=0.02 * PIXEL_M)
     assert_allclose(math.remainder(float(found.yaw_rad) - yaw, 2 * math.pi), 0, atol=1e-3)
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_surprisal_is_the_cross_entropy_with_the_true_place(stride: int) -> None:
+    """Least at the true motion, and what a softmax over all samples says there."""
+    model, matching = KeypointModel(SETTINGS), Matching(stride=stride)
+    destination, source = (2.0, -3.0, 0.7), (7.3, 1.1, 0.9)
+    maps = _ideal_maps(*destination)
+    keypoints = keypoints_at(_inner_points(), _ideal_maps(*source), None)
+    into = destination_of(maps, None, matching)
+    shift = complex(5.3, 4.1) * np.exp(-0.7j)
+    truth = Motion(
+        rotation=rotation_of_yaw(torch.tensor([0.2])),
+        translation_m=torch.tensor([[shift.real, shift.imag]], dtype=torch.float32),
+        certain=torch.ones(1, dtype=torch.bool),
+    )
+    back = Motion(rotation=truth.rotation.mT, translation_m=-truth.translation_m, certain=truth.certain)
+    right, wrong = (model.matches(keypoints, into, matching, each).surprisal for each in (truth, back))
+    assert right is not None
+    assert wrong is not None
+    assert float(right.mean()) < 0.5 * float(wrong.mean())
+    # One keypoint by hand: its true place, the four samples around it, and the plain softmax over all.
+    place = pixels_of_metres(moved(model.metres(keypoints.points_px), truth), size=SIZE, pixel_m=PIXEL_M)[
+        0, 0
+    ]
+    row, column = ((place + 0.5) / stride - 0.5).tolist()
+    logits = 300 * (keypoints.descriptors[0, 0] @ into.dense.descriptors[0].flatten(1))
+    image = logits.view(into.dense.descriptors.shape[-2:])
+    i, j = int(row), int(column)
+    u, v = row - i, column - j
+    around = (1 - u) * ((1 - v) * image[i, j] + v * image[i, j + 1])
+    around = around + u * ((1 - v) * image[i + 1, j] + v * image[i + 1, j + 1])
+    assert_allclose(right[0, 0], logits.logsumexp(0) - around, atol=2e-3)
+
+
+def test_places_outside_the_destination_surprise_nobody() -> None:
+    model, matching = KeypointModel(SETTINGS), Matching(stride=2)
+    maps = _ideal_maps(0.0, 0.0, 0.0)
+    away = Motion(
+        rotation=rotation_of_yaw(torch.tensor([0.0])),
+        translation_m=torch.tensor([[500.0, 0.0]]),
+        certain=torch.ones(1, dtype=torch.bool),
+    )
+    keypoints = keypoints_at(_inner_points(), maps, None)
+    found = model.matches(keypoints, destination_of(maps, None, matching), matching, away)
+    assert found.surprisal is not None
+    assert bool((found.surprisal == 0).all())
+
+
+def test_the_quick_way_is_robust_and_searches_between_pixels() -> None:
+    found = quick_solving()
+    assert found.robust
+    assert found.matching.stride == 2
+    assert found.network == found.matching.dtype
 
 
 def _codes() -> np.ndarray:

@@ -85,6 +85,39 @@ def test_pose_passes_gradcheck() -> None:
     assert torch.autograd.gradcheck(answer, (source, destination, weights))
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1e-20, 1e-36])
+@pytest.mark.parametrize("robust", [False, True])
+def test_the_scale_of_the_weights_does_not_matter_however_small(scale: float, robust: bool) -> None:
+    source, noise, weights = (each.float() for each in _drawn(4))
+    truth = _motion(0.3, (3.0, -7.0))
+    moved = source @ truth.rotation.float().transpose(1, 2) + truth.translation_m.float() + 0.01 * noise
+
+    def found(weights: Tensor) -> Motion:
+        if robust:
+            return robust_motion(source, moved, weights, scale_m=1.0)
+        return motion_of_matches(source, moved, weights)
+
+    small = (weights * scale).requires_grad_()
+    assert_allclose(found(small).translation_m.detach(), found(weights).translation_m, atol=1e-4)
+    (slope,) = torch.autograd.grad(found(small).translation_m.sum(), small)
+    assert bool(slope.isfinite().all())
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_points_all_in_one_place_leave_the_rotation_open_whatever_the_place(
+    seed: int, dtype: torch.dtype
+) -> None:
+    draws = torch.Generator().manual_seed(seed)
+    source, destination = (100 * torch.randn(1, 1, 2, generator=draws, dtype=dtype) for _ in range(2))
+    weights = torch.rand(1, 400, generator=draws, dtype=dtype)
+    places = source.expand(1, 400, 2), destination.expand(1, 400, 2)
+    found = motion_of_matches(*places, weights)
+    assert not bool(found.certain)
+    assert_allclose(found.translation_m[0], (destination - source)[0, 0], rtol=1e-3)
+    assert not bool(robust_motion(*places, weights, scale_m=1.0).certain)
+
+
 @pytest.mark.parametrize("case", ["one place", "no weight", "one match", "balanced"])
 def test_sets_that_leave_the_rotation_open_give_none_and_no_nan(case: str) -> None:
     source, destination, weights = _drawn(7, 4)

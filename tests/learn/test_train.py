@@ -8,15 +8,18 @@ from typing import Any
 
 import pytest
 import torch
+from torch import Tensor
 
 from echoscape.cli.train import main
 from echoscape.learn.augment import TurnSettings
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.model import ModelSettings
 from echoscape.learn.pairs import PairSet
-from echoscape.learn.train import Data, train
+from echoscape.learn.pose import Motion
+from echoscape.learn.train import Data, initial_model, train
 from echoscape.learn.train_settings import TrainSettings
 from echoscape.learn.training_log import TrainingLog
+from echoscape.learn.validation import fixed_pairs
 from echoscape.learn.weights import read_weights
 from echoscape.sim.whole_files import DatasetError
 from tests.learn.folders import write_folder
@@ -156,6 +159,75 @@ def test_losses_of_matches_change_what_is_learned(data: Data, tmp_path: Path, na
     plain = train(tmp_path / "plain", MODEL, two, data)
     told = train(tmp_path / "told", MODEL, TrainSettings(steps=2, **{name: 1.0}), data)  # type: ignore[arg-type]
     assert any(not torch.equal(a, b) for a, b in zip(plain.parameters(), told.parameters(), strict=True))
+
+
+def test_gradients_are_clipped_and_the_rate_falls(data: Data, tmp_path: Path) -> None:
+    """Adam's first step is the rate in every weight that has a slope, unless that is tiny."""
+    begun = initial_model(MODEL, seed=0)
+
+    def moved(name: str, **settings: Any) -> float:
+        trained = train(tmp_path / name, MODEL, TrainSettings(steps=1, **settings), data)
+        pairs = zip(trained.parameters(), begun.parameters(), strict=True)
+        return max(float((one - other).detach().abs().max()) for one, other in pairs)
+
+    assert moved("plain") == pytest.approx(1e-3, rel=0.01)
+    assert moved("fallen", learning_rate=1e-2, hold_steps=0, halve_steps=1) == pytest.approx(1e-2, rel=0.01)
+    # Shortened to 1e-9, slopes are below Adam's epsilon of 1e-8, and steps are shorter than the rate.
+    assert moved("clipped", clip=1e-9) < 2e-4
+    two = TrainSettings(steps=2, learning_rate=1e-2, halve_steps=1)
+    slow = train(tmp_path / "two", MODEL, two, data)
+    first = train(tmp_path / "one", MODEL, TrainSettings(steps=1, learning_rate=1e-2, halve_steps=1), data)
+    last = [(a - b).detach().abs().max() for a, b in zip(slow.parameters(), first.parameters(), strict=True)]
+    assert float(max(last)) < 0.6e-2  # half the rate, and never more than Adam's bound for a second step
+
+
+def test_gradients_that_are_none_end_the_run(
+    data: Data, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(estimate: Motion, truth: Motion, *, alpha_m: float) -> Tensor:
+        return (estimate.translation_m.sum(-1) * 0).sqrt()  # 0, with a slope of infinity times 0
+
+    monkeypatch.setattr("echoscape.learn.train.pose_loss", broken)
+    with pytest.raises(ValueError, match="gradients must be finite, got nan at step 0"):
+        train(tmp_path / "run", MODEL, SHORT, data)
+
+
+def test_validation_draws_gaps_as_it_is_told(folder: Path) -> None:
+    pairs = PairSet([folder], MODEL.image)
+    near = [abs(pair.source - pair.destination) for pair in fixed_pairs(pairs, 40, seed=1, gap_power=9.0)]
+    assert near.count(1) >= 38
+    far = [abs(pair.source - pair.destination) for pair in fixed_pairs(pairs, 40, seed=1)]
+    assert set(far) == {1, 2, 3, 4, 5}
+
+
+def test_the_command_passes_the_model_its_settings(folder: Path, tmp_path: Path) -> None:
+    told = ["--no-location-head", "--no-score-head", "--temperature", "55", "--near-m", "4", "--size", "80"]
+    few = ["--steps", "1", "--resolution", "1.3824"]
+    assert main(["--data", str(folder), "--out", str(tmp_path / "run"), *told, *few]) == 0
+    settings = read_weights(tmp_path / "run" / "last.safetensors")[0].settings
+    image = ImageSettings(pixel_m=1.3824, size=80, near_m=4.0)
+    assert settings == ModelSettings(image=image, temperature=55.0, location_head=False, score_head=False)
+
+
+def test_folders_that_are_learned_from_cannot_validate(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = ["--data", str(folder), "--validate", str(folder)]
+    assert main([*both, "--out", str(tmp_path / "run"), "--resolution", "1.3824", "--size", "80"]) == 2
+    assert "not learned from" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("cut", ["", '{"step": 4, "lo'])
+def test_a_log_whose_last_line_was_cut_short_goes_on(tmp_path: Path, cut: str) -> None:
+    (tmp_path / "log.jsonl").write_text('{"step": 2, "loss_m": 1.0}\n' + cut)
+    log = TrainingLog(tmp_path)
+    log.begin(9)
+    log.end()
+    assert (tmp_path / "log.jsonl").read_text() == '{"step": 2, "loss_m": 1.0}\n'
+    (tmp_path / "log.jsonl").write_text("nothing\n")
+    with pytest.raises(DatasetError, match=r"log\.jsonl"):
+        log.begin(9)
 
 
 @pytest.mark.slow
