@@ -1,7 +1,9 @@
-"""Turns for training, so that motions are found at any heading: both pictures together, then one by itself.
+"""Turns and shifts for training, so that motions are found at any heading, and none is likelier than others.
 
 Source: loop closure in Barnes & Posner 2020, section V, meets places in any direction. Pictures are turned
-when they are made (`image.Projector`), which costs no sharpness; the motion changes exactly.
+when they are made (`image.Projector`), which costs no sharpness; the motion changes exactly. Shifts are ours:
+a car moves little between scans, so that a network learns to look where things have been, and finds motions
+too short; once pictures are shifted at random, it has nothing to go by but what it sees.
 """
 
 import math
@@ -31,8 +33,12 @@ class TurnSettings:
     """Step of training up to which neither picture is turned against the other."""
     full_step: int = 20_000
     """Step of training from which turns are up to the largest, after an even growth."""
+    largest_shift_m: float = 0.0
+    """Largest shift of one picture against the other, forward and right, either way [m]."""
 
     def __post_init__(self) -> None:
+        if not 0 <= self.largest_shift_m < math.inf:
+            raise ValueError(f"largest_shift_m must be finite and 0 or more, got {self.largest_shift_m}")
         if not 0 <= self.largest_rad <= math.pi:
             raise ValueError(f"largest_rad must be between 0 and pi, got {self.largest_rad}")
         if not 0 <= self.first_step < self.full_step:
@@ -47,28 +53,40 @@ class TurnSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Turns:
-    """What to turn pictures by, clockwise [rad]."""
+    """What to turn pictures by, clockwise [rad], and to shift the source's by then, forward and right [m]."""
 
     source_rad: float = 0.0
     destination_rad: float = 0.0
+    shift_m: tuple[float, float] = (0.0, 0.0)
 
 
 def drawn_turns(settings: TurnSettings, step: int, *, rng: np.random.Generator) -> Turns:
-    """Draw the turns of a pair: a heading for both, uniform, and a turn of the source up to the bound."""
+    """Draw the turns of a pair: a heading for both, a turn and a shift of the source; all are uniform."""
     common, relative = rng.uniform(-math.pi, math.pi), rng.uniform(-1, 1)
     common = common if settings.common else 0.0
-    return Turns(source_rad=common + relative * settings.bound_rad(step), destination_rad=common)
+    shift = (0.0, 0.0)
+    if settings.largest_shift_m > 0:
+        forward, right = rng.uniform(-settings.largest_shift_m, settings.largest_shift_m, 2).tolist()
+        shift = (forward, right)
+    turn = common + relative * settings.bound_rad(step)
+    return Turns(source_rad=turn, destination_rad=common, shift_m=shift)
 
 
 def turned(motion: PlaneMotion, turns: Turns) -> PlaneMotion:
     """Return the motion between the turned pictures.
 
-    With p_d = R p_s + t, and p_s, p_d turned by A and B: R becomes B R A^-1 and t becomes B t.
+    With p_d = R p_s + t, p_s turned by A and shifted by u, and p_d turned by B: R becomes R' = B R A^-1 and t
+    becomes B t - R' u.
     """
-    cosine, sine = math.cos(turns.destination_rad), math.sin(turns.destination_rad)
     yaw = motion.yaw_rad + turns.destination_rad - turns.source_rad
+    forward, right = _rotated((motion.x_m, motion.y_m), turns.destination_rad)
+    back_forward, back_right = _rotated(turns.shift_m, yaw)
     return PlaneMotion(
-        x_m=cosine * motion.x_m - sine * motion.y_m,
-        y_m=sine * motion.x_m + cosine * motion.y_m,
-        yaw_rad=math.remainder(yaw, 2 * math.pi),
+        x_m=forward - back_forward, y_m=right - back_right, yaw_rad=math.remainder(yaw, 2 * math.pi)
     )
+
+
+def _rotated(point_m: tuple[float, float], yaw_rad: float) -> tuple[float, float]:
+    """Return a point, forward and right [m], rotated clockwise."""
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    return cosine * point_m[0] - sine * point_m[1], sine * point_m[0] + cosine * point_m[1]

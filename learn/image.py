@@ -80,17 +80,28 @@ class Projector:
     def __init__(self, settings: ImageSettings, azimuths: int) -> None:
         """Prepare for scans of `azimuths` rows."""
         self.settings, self.azimuths = settings, azimuths
-        offset = (torch.arange(settings.size, dtype=torch.float64) - (settings.size - 1) / 2) * 2
-        forward, right = -offset[:, None], offset[None, :]
-        turns = torch.atan2(right, forward) / (2 * math.pi)
-        self._row = (turns % 1 * azimuths).float()
-        self._column = (torch.hypot(forward, right) - 0.5).clamp(min=0)
+        self._row, self._column = self._places((0.0, 0.0))
 
-    def image(self, cells: NDArray[np.uint8], *, turn_rad: float = 0.0) -> Tensor:
+    def _places(self, shift_m: tuple[float, float]) -> tuple[Tensor, Tensor]:
+        """Return row and column (size, size) of the polar scan that a picture shifted by so much shows."""
+        size, cell_m = self.settings.size, self.settings.cell_m
+        offset = (torch.arange(size, dtype=torch.float64) - (size - 1) / 2) * 2
+        forward, right = -offset[:, None] - shift_m[0] / cell_m, offset[None, :] - shift_m[1] / cell_m
+        turns = torch.atan2(right, forward) / (2 * math.pi)
+        return (turns % 1 * self.azimuths).float(), (torch.hypot(forward, right) - 0.5).clamp(min=0)
+
+    def image(
+        self,
+        cells: NDArray[np.uint8],
+        *,
+        turn_rad: float = 0.0,
+        shift_m: tuple[float, float] = (0.0, 0.0),
+    ) -> Tensor:
         """Return a picture (1, size, size) float32 of cells (azimuths, cells), codes over `CODE_OF_ONE`.
 
         What stands at azimuth a appears at azimuth a + turn_rad, clockwise: the picture's content is turned
-        by `turn_rad` about the radar, as if the car had turned the other way.
+        by `turn_rad` about the radar, as if the car had turned the other way; then it is shifted by
+        `shift_m` forward and right. What lies beyond the farthest cell is as that is.
 
         Raises:
             ValueError: `cells` has another shape.
@@ -100,9 +111,10 @@ class Projector:
             raise ValueError(f"cells must have the shape {wanted}, got {cells.shape}")
         polar = pad(torch.from_numpy(cells.astype(np.float32))[None, None], (0, 0, 0, 1))
         polar[:, :, -1] = polar[:, :, 0]  # so that the last row is followed by the first
-        row = (self._row - turn_rad * self.azimuths / (2 * math.pi)) % self.azimuths
+        row, column = (self._row, self._column) if shift_m == (0.0, 0.0) else self._places(shift_m)
+        row = (row - turn_rad * self.azimuths / (2 * math.pi)) % self.azimuths
         grid = torch.stack(
-            [self._column * (2 / (self.settings.cells - 1)) - 1, row.double() * (2 / self.azimuths) - 1], -1
+            [column * (2 / (self.settings.cells - 1)) - 1, row.double() * (2 / self.azimuths) - 1], -1
         )
         picture = grid_sample(polar, grid.float()[None], align_corners=True, padding_mode="border")
         return picture[0] / CODE_OF_ONE

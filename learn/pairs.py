@@ -104,7 +104,9 @@ class PairSet:
         for pair in pairs:
             drive, turns = self.drives[pair.drive], pair.turns
             project = drive.projector.image
-            sources.append(project(drive.cells[pair.source], turn_rad=turns.source_rad))
+            sources.append(
+                project(drive.cells[pair.source], turn_rad=turns.source_rad, shift_m=turns.shift_m)
+            )
             destinations.append(project(drive.cells[pair.destination], turn_rad=turns.destination_rad))
             motions.append(turned(plane_motion(drive.poses, pair), turns))
         return Batch(

@@ -114,3 +114,11 @@ def test_what_is_no_scan_is_refused() -> None:
         range_cells(np.zeros((4, 5), np.uint8), 0.0, IMAGE)
     with pytest.raises(ValueError, match="cells must have"):
         Projector(IMAGE, 400).image(np.zeros((399, IMAGE.cells), np.uint8))
+
+
+def test_a_shifted_picture_is_the_same_one_some_pixels_on() -> None:
+    cells = np.random.default_rng(1).integers(0, 99, (400, IMAGE.cells)).astype(np.uint8)
+    projector = Projector(IMAGE, 400)
+    plain = projector.image(cells, turn_rad=0.3)[0]
+    shifted = projector.image(cells, turn_rad=0.3, shift_m=(3 * IMAGE.pixel_m, -5 * IMAGE.pixel_m))[0]
+    assert_allclose(shifted[:-3, :-5], plain[3:, 5:], atol=1e-4)  # three up, five to the left

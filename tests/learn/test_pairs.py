@@ -45,14 +45,21 @@ def _brightness(picture: torch.Tensor, points_m: np.ndarray) -> tuple[float, flo
     return float(picture[0, place[:, 0], place[:, 1]].mean()), float(picture.mean())
 
 
-@pytest.mark.parametrize("turns", [Turns(), Turns(source_rad=2.5, destination_rad=-1.0)])
+@pytest.mark.parametrize(
+    "turns",
+    [
+        Turns(),
+        Turns(source_rad=2.5, destination_rad=-1.0),
+        Turns(source_rad=0.4, destination_rad=0.9, shift_m=(5.0, -8.0)),
+    ],
+)
 @pytest.mark.parametrize(("source", "destination"), [(3, 0), (0, 3), (1, 2)])
 def test_the_motion_takes_what_the_source_sees_to_where_the_destination_sees_it(
     pairs: PairSet, source: int, destination: int, turns: Turns
 ) -> None:
     batch = pairs.batch([Pair(drive=0, source=source, destination=destination, turns=turns)])
     cosine, sine = math.cos(turns.source_rad), math.sin(turns.source_rad)
-    seen = _seen_from(POSES[source]) @ np.array([[cosine, sine], [-sine, cosine]])
+    seen = _seen_from(POSES[source]) @ np.array([[cosine, sine], [-sine, cosine]]) + turns.shift_m
     bright, mean = _brightness(batch.source[0], seen)
     assert bright > 5 * mean
     moved = seen @ batch.motion.rotation[0].numpy().T + batch.motion.translation_m[0].numpy()
@@ -69,17 +76,30 @@ def test_a_later_source_is_ahead_and_a_right_turn_is_positive(pairs: PairSet) ->
     assert yaw > 0
 
 
-@given(st.floats(-3, 3), st.floats(-9, 9), st.floats(-9, 9), st.floats(-7, 7), st.floats(-7, 7))
+@given(
+    st.floats(-3, 3),
+    st.tuples(st.floats(-9, 9), st.floats(-9, 9)),
+    st.floats(-7, 7),
+    st.floats(-7, 7),
+    st.tuples(st.floats(-9, 9), st.floats(-9, 9)),
+)
 @settings(deadline=None)
-def test_turning_pictures_changes_the_motion_exactly(
-    yaw: float, x: float, y: float, source: float, destination: float
+def test_turning_and_shifting_pictures_changes_the_motion_exactly(
+    yaw: float,
+    shift: tuple[float, float],
+    source: float,
+    destination: float,
+    source_shift: tuple[float, float],
 ) -> None:
+    x, y = shift
     found = turned(
-        PlaneMotion(x_m=x, y_m=y, yaw_rad=yaw), Turns(source_rad=source, destination_rad=destination)
+        PlaneMotion(x_m=x, y_m=y, yaw_rad=yaw),
+        Turns(source_rad=source, destination_rad=destination, shift_m=source_shift),
     )
     point = complex(4.0, -2.0)  # forward + i right: clockwise turns are products with exp(i angle)
     seen_before = point * np.exp(1j * yaw) + complex(x, y)
-    seen = point * np.exp(1j * source) * np.exp(1j * found.yaw_rad) + complex(found.x_m, found.y_m)
+    shown = point * np.exp(1j * source) + complex(*source_shift)
+    seen = shown * np.exp(1j * found.yaw_rad) + complex(found.x_m, found.y_m)
     assert abs(seen - seen_before * np.exp(1j * destination)) < 1e-9
     assert abs(found.yaw_rad) <= math.pi
 
@@ -93,6 +113,17 @@ def test_relative_turns_grow_from_none_to_any() -> None:
     assert widest[0] == 0
     assert_allclose(widest[1:], [math.pi / 2, math.pi], rtol=0.02)
     assert drawn_turns(turns, 30, rng=rng).destination_rad == 0
+
+
+def test_shifts_are_uniform_up_to_the_largest() -> None:
+    turns, rng = TurnSettings(common=False, largest_shift_m=6.0), np.random.default_rng(1)
+    drawn = np.array([drawn_turns(turns, 0, rng=rng).shift_m for _ in range(4000)])
+    assert_allclose(np.abs(drawn).max(axis=0), [6, 6], rtol=0.01)
+    assert_allclose(drawn.std(axis=0), [6 / math.sqrt(3)] * 2, rtol=0.05)
+    assert abs(np.corrcoef(drawn.T)[0, 1]) < 0.05
+    assert drawn_turns(TurnSettings(), 0, rng=rng).shift_m == (0.0, 0.0)
+    with pytest.raises(ValueError, match="largest_shift_m must"):
+        TurnSettings(largest_shift_m=-1.0)
 
 
 def test_draws_depend_on_the_generator_alone_and_have_both_orders_and_all_gaps(pairs: PairSet) -> None:
