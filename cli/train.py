@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import torch
 import tyro
@@ -47,6 +47,9 @@ class Options:
     """Learn how far to trust keypoints; without, descriptors alone weigh matches."""
     temperature: float = 100.0
     """T of the matching softmax."""
+    pooling: Literal["max", "blurred"] = "max"
+    """How the encoder halves its maps: by plain maxima, as in the paper, or by maxima that are low-passed, so
+    that small motions are not found too short."""
     start: Path | None = None
     """Weights to begin with, of any resolution; without, --seed draws them."""
     cache: Path | None = None
@@ -66,6 +69,7 @@ class Options:
             temperature=self.temperature,
             location_head=self.location_head,
             score_head=self.score_head,
+            pooling=self.pooling,
         )
 
 

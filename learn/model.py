@@ -5,6 +5,7 @@ order of gt/radar_odometry.csv: for a car that drives on, with the later scan as
 """
 
 from dataclasses import dataclass, field
+from typing import get_args
 
 import torch
 from torch import Tensor, nn
@@ -16,7 +17,7 @@ from echoscape.learn.keypoints import Keypoints, cell_centres, expected_places, 
 from echoscape.learn.matching import match_weights
 from echoscape.learn.pixels import metres_of_pixels, pixels_of_metres
 from echoscape.learn.pose import Motion, motion_of_matches, moved, robust_motion
-from echoscape.learn.unet import Decoder, Encoder, Maps
+from echoscape.learn.unet import Decoder, Encoder, Maps, Pooling
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +25,8 @@ class ModelSettings:
     """What makes a model what it is, stored with its weights.
 
     image: how scans become pictures; cells: a side, each with one keypoint; temperature: T of the matching
-    softmax; location_head, score_head: without, keypoints are the cells' middles, and all scores are 1.
+    softmax; location_head, score_head: without, keypoints are the cells' middles, and all scores are 1;
+    pooling: of the encoder, see `unet`.
     """
 
     image: ImageSettings = field(default_factory=ImageSettings)
@@ -32,12 +34,15 @@ class ModelSettings:
     temperature: float = 100.0
     location_head: bool = True
     score_head: bool = True
+    pooling: Pooling = "max"
 
     def __post_init__(self) -> None:
         if self.cells < 2 or self.image.size % self.cells:
             raise ValueError(
                 f"cells must be 2 or more and divide the picture's {self.image.size} px, got {self.cells}"
             )
+        if self.pooling not in get_args(Pooling):
+            raise ValueError(f"pooling must be one of {get_args(Pooling)}, got {self.pooling!r}")
         if not 0 < self.temperature < float("inf"):
             raise ValueError(f"temperature must be finite and above 0, got {self.temperature}")
 
@@ -104,7 +109,7 @@ class KeypointModel(nn.Module):
     def __init__(self, settings: ModelSettings) -> None:
         super().__init__()
         self.settings = settings
-        self.encoder = Encoder()
+        self.encoder = Encoder(settings.pooling)
         self.locations = Decoder() if settings.location_head else None
         self.scores = Decoder() if settings.score_head else None
 

@@ -5,15 +5,21 @@ between them, bilinear upsampling with concatenated skips, and a pointwise convo
 activation. A block is two 3 x 3 convolutions, each with batch normalisation and ReLU.
 """
 
+from functools import partial
+from typing import Literal
+
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import interpolate, max_pool2d
+from torch.nn.functional import avg_pool2d, interpolate, max_pool2d, pad
 
 CHANNELS = (8, 16, 32, 64, 128)
 """Channels of the encoder's blocks; together the 248 of a descriptor."""
 
 _MOMENTUM = 0.01
 """Share of a step in the running mean and variance: a step sees one pair, and scenes differ."""
+
+Pooling = Literal["max", "blurred"]
+"""How the encoder halves its maps: by plain maxima, as in the paper, or by `blurred_max_pool`."""
 
 Maps = tuple[Tensor, ...]
 """The encoder's outputs, finest first: map l is (B, CHANNELS[l], H / 2^l, W / 2^l)."""
@@ -28,18 +34,30 @@ def block(inputs: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(*layers)
 
 
+def blurred_max_pool(values: Tensor) -> Tensor:
+    """Return (B, C, H / 2, W / 2): maxima of 2 x 2, low-passed by 1-2-1 before every second is taken.
+
+    Plain max-pooling gives the same when things move within a pool, so that what moved by a pixel or two
+    looks most alike where it has been. Sample j stays at 2 j + 1/2; edges go on. Source: Zhang, Making
+    convolutional networks shift-invariant again, ICML 2019.
+    """
+    wide = pad(values, (1, 1, 1, 1), mode="replicate")
+    return avg_pool2d(avg_pool2d(max_pool2d(wide, 2, stride=1), 2, stride=1), 2)
+
+
 class Encoder(nn.Module):
     """Pictures to maps of ever coarser resolution."""
 
-    def __init__(self) -> None:
+    def __init__(self, pooling: Pooling = "max") -> None:
         super().__init__()
+        self._pooled = blurred_max_pool if pooling == "blurred" else partial(max_pool2d, kernel_size=2)
         self.blocks = nn.ModuleList(map(block, (1, *CHANNELS[:-1]), CHANNELS))
 
     def forward(self, images: Tensor) -> Maps:
         """Return the maps of images (B, 1, H, W) float32; H and W are multiples of 16."""
         maps: list[Tensor] = []
         for layer in self.blocks:
-            maps.append(layer(max_pool2d(maps[-1], 2) if maps else images))
+            maps.append(layer(self._pooled(maps[-1]) if maps else images))
         return tuple(maps)
 
 

@@ -1,14 +1,17 @@
 """U-Net, keypoints and descriptors: shapes that the paper states, and places to a fraction of a pixel."""
 
+from functools import partial
+from typing import Any
+
 import pytest
 import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
-from torch.nn.functional import interpolate
+from torch.nn.functional import interpolate, max_pool2d
 
 from echoscape.learn.descriptors import dense_descriptors, descriptors_at, embedding, sampled, unit
 from echoscape.learn.keypoints import cell_centres, expected_places
-from echoscape.learn.unet import CHANNELS, Decoder, Encoder
+from echoscape.learn.unet import CHANNELS, Decoder, Encoder, blurred_max_pool
 from tests.learn.maps import drawn_maps, drawn_points
 
 
@@ -93,3 +96,24 @@ def test_resizing_goes_by_areas_everywhere() -> None:
     assert_allclose(
         interpolate(coarse, scale_factor=2, mode="bilinear", align_corners=False)[0, 0, 3], expected
     )
+
+
+def test_blurred_maxima_of_a_ramp_are_its_maxima_where_pools_are() -> None:
+    """A ramp's maximum of 2 x 2 is half a step above the middle; a low pass leaves ramps as they are."""
+    ramp = torch.arange(32.0).expand(1, 1, 16, 32)
+    inner = blurred_max_pool(ramp)[0, 0, 4, 1:-1]
+    assert_allclose(inner, torch.arange(1, 15) * 2 + 1.0)
+
+
+@pytest.mark.parametrize("pooling", [partial(max_pool2d, kernel_size=2), blurred_max_pool])
+def test_what_moves_by_a_pixel_moves_in_maps_where_pools_are_low_passed(pooling: Any) -> None:
+    """A smooth bump's centre of gravity after two halvings follows it; plain maxima lag behind by more."""
+    places = torch.arange(64.0)
+
+    def centre(at: float) -> float:
+        bump = torch.exp(-0.5 * ((places - at) / 1.0) ** 2)
+        line = pooling(pooling((bump[:, None] * bump)[None, None]))[0, 0].sum(0)
+        return float((line * (torch.arange(16) * 4 + 1.5)).sum() / line.sum())
+
+    lag = max(abs(centre(30 + shift / 4) - centre(30) - shift / 4) for shift in range(17))
+    assert (lag < 0.08) == (pooling is blurred_max_pool)
