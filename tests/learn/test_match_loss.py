@@ -95,6 +95,7 @@ def test_the_likelihood_loss_is_the_mean_surprisal_by_weight_and_a_tenth_and_tea
     loss.sum().backward()
     assert found.weights.grad is None
     assert found.surprisal is not None
+    assert found.surprisal.grad is not None
     assert_allclose(found.surprisal.grad, [[1 / 8, 3 / 8, 4 / 8]])
 
 
