@@ -18,7 +18,7 @@ from echoscape.learn.model import ModelSettings
 from echoscape.learn.pairs import PairSet
 from echoscape.learn.train import Data, train
 from echoscape.learn.train_settings import TrainSettings
-from echoscape.sim.heap import keep_freed_memory
+from echoscape.sim import heap
 from echoscape.sim.whole_files import DatasetError
 
 
@@ -88,7 +88,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _train(options: Options, model_settings: ModelSettings) -> int:
-    keep_freed_memory()
+    heap.keep_freed_memory()
     if options.threads is not None:
         torch.set_num_threads(options.threads)
     console, since = Console(stderr=True), time.monotonic()
