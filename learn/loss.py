@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from echoscape.learn.model import Matches
-from echoscape.learn.pose import Motion, residuals_m
+from echoscape.learn.pose import Motion, residuals_m, shares
 
 ALPHA_M = 10.0
 """Weight of the rotation's error [m]."""
@@ -36,7 +36,7 @@ def match_loss(matches: Matches, truth: Motion) -> Tensor:
     match, which says nothing of the rotation.)
     """
     distance_m = residuals_m(matches.source_m, matches.destination_m, truth)
-    return (_shares(matches.weights.detach()) * distance_m).sum(1)
+    return (shares(matches.weights.detach()) * distance_m).sum(1)
 
 
 def likelihood_loss(matches: Matches) -> Tensor:
@@ -51,7 +51,7 @@ def likelihood_loss(matches: Matches) -> Tensor:
     """
     if matches.surprisal is None:
         raise ValueError("matches must hold their surprisal, which takes the true motion")
-    return (_shares(matches.weights.detach() + _LEAST_CARE) * matches.surprisal).sum(1)
+    return (shares(matches.weights.detach() + _LEAST_CARE) * matches.surprisal).sum(1)
 
 
 def score_loss(matches: Matches, truth: Motion, *, scale_m: float) -> Tensor:
@@ -64,10 +64,6 @@ def score_loss(matches: Matches, truth: Motion, *, scale_m: float) -> Tensor:
     right = torch.exp(-0.5 * (distance_m / scale_m) ** 2)
     weights = matches.weights.clamp(_SMALLEST_WEIGHT, 1 - _SMALLEST_DOUBT)
     return -(right * weights.log() + (1 - right) * torch.log1p(-weights)).mean(1)
-
-
-def _shares(weights: Tensor) -> Tensor:
-    return weights / weights.sum(1, keepdim=True).clamp(min=_SMALLEST_WEIGHT)
 
 
 def pose_errors(estimate: Motion, truth: Motion) -> tuple[Tensor, Tensor]:

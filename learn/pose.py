@@ -48,7 +48,7 @@ def motion_of_matches(source_m: Tensor, destination_m: Tensor, weights: Tensor) 
     if source_m.shape != destination_m.shape or source_m.shape != (*weights.shape, 2):
         shapes = f"{tuple(source_m.shape)}, {tuple(destination_m.shape)} and {tuple(weights.shape)}"
         raise ValueError(f"points must be (B, N, 2) twice and weights (B, N), got {shapes}")
-    share = _shares(weights)[..., None]
+    share = shares(weights)[..., None]
     source_mean, destination_mean = (share * source_m).sum(1), (share * destination_m).sum(1)
     source, destination = source_m - source_mean[:, None], destination_m - destination_mean[:, None]
     dot = (share * source * destination).sum((1, 2))
@@ -96,7 +96,7 @@ def _cross(first: Tensor, second: Tensor) -> Tensor:
     return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
 
 
-def _shares(weights: Tensor) -> Tensor:
+def shares(weights: Tensor) -> Tensor:
     """Return weights (B, N) over their sum, however small that is; without any weight 0."""
     largest = weights.detach().amax(1, keepdim=True)
     scaled = weights / torch.where(largest > 0, largest, torch.ones_like(largest))

@@ -8,10 +8,7 @@ torchrun, every process draws pairs of its own and gradients are averaged.
 
 import json
 import math
-import os
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +24,7 @@ from echoscape.learn.loss import likelihood_loss, match_loss, pose_errors, pose_
 from echoscape.learn.model import KeypointModel, Matches, ModelSettings
 from echoscape.learn.pairs import PairSet
 from echoscape.learn.pose import ROBUST_SCALE_PX, Motion
+from echoscape.learn.processes import joined_processes
 from echoscape.learn.train_settings import DTYPES, TrainSettings
 from echoscape.learn.training_log import LOG_FILE, Report, TrainingLog
 from echoscape.learn.training_plot import draw_training
@@ -64,7 +62,7 @@ def train(
             model with the same heads.
         ValueError: a loss or its gradient is not finite, which ends the run at its last checkpoint.
     """
-    with _processes() as (rank, world):
+    with joined_processes() as (rank, world):
         run = _Run(out, model_settings, settings, data, start, rank=rank, world=world, report=report)
         run.begin(resume=resume)
         while run.progress.step < settings.steps and not run.is_out_of_patience:
@@ -283,17 +281,3 @@ def _without_ends(told: dict[str, Any]) -> dict[str, Any]:
     """Return settings without those that may change when a run is taken up: its end, when it is saved."""
     free = ("steps", "patience", "save_every", "save_minutes")
     return {**told, "train": {name: value for name, value in told["train"].items() if name not in free}}
-
-
-@contextmanager
-def _processes() -> Iterator[tuple[int, int]]:
-    """Join the processes that torchrun started and give (rank, number); alone it is (0, 1)."""
-    world = int(os.environ.get("WORLD_SIZE", "1"))
-    if world == 1:
-        yield 0, 1
-        return
-    distributed.init_process_group("gloo")
-    try:
-        yield distributed.get_rank(), world
-    finally:
-        distributed.destroy_process_group()
