@@ -28,7 +28,7 @@ def distance_outside_m(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
     distance = np.linalg.norm(away - share[..., None] * step, axis=2).min(axis=1)
     y = points[:, 1:]
     spans = (start[:, 1] > y) != (start[:, 1] + step[:, 1] > y)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         crossing = start[:, 0] + step[:, 0] * (y - start[:, 1]) / step[:, 1]
     inside = (spans & (points[:, :1] < crossing)).sum(axis=1) % 2 == 1
     return np.where(inside, 0.0, distance)
