@@ -42,6 +42,9 @@ class Options:
     compensate: bool = False
     """Move keypoints to mid-scan and undo their Doppler shifts, at the velocity that each pair tells, before
     its pose is solved. Learned method only."""
+    pairs_alone: bool = False
+    """Every pair by itself, as in the paper, in place of following scans from keyframe to keyframe. Learned
+    method only."""
     any_heading: int = 0
     """Pairs of scans of one place, turned to any heading, to find as loop closure must, besides; the figures
     go into metrics.json. Learned method only."""
@@ -80,6 +83,8 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
         raise ValueError("--resolution chooses among the learned method's own weights: not with --weights")
     if options.compensate and options.method != "learned":
         raise ValueError(f"--compensate goes with --method learned only, got --method {options.method}")
+    if options.pairs_alone and options.method != "learned":
+        raise ValueError(f"--pairs-alone goes with --method learned only, got --method {options.method}")
     if options.any_heading < 0:
         raise ValueError(f"--any-heading must be 0 or more, got {options.any_heading}")
     if options.any_heading and options.method != "learned":
@@ -117,11 +122,15 @@ def _estimator(options: Options, folder: "ScanFolder") -> "Estimator[Any]":
 
         return FourierOdometry(range_offset_m=folder.range_offset_m)
     from echoscape.eval.learned import chosen_weights, learned_odometry
+    from echoscape.learn.following import PAIRS_ALONE, FollowSettings
 
     # Sweeps that alternate shift every other row the other way: on average not at all.
     shift_s = -float(folder.sensor.doppler_shift_s.mean()) if options.compensate else None
     weights = options.weights or chosen_weights(options.resolution)
-    return learned_odometry(weights, range_offset_m=folder.range_offset_m, doppler_beta_s=shift_s)
+    settings = PAIRS_ALONE if options.pairs_alone else FollowSettings()
+    return learned_odometry(
+        weights, range_offset_m=folder.range_offset_m, doppler_beta_s=shift_s, settings=settings
+    )
 
 
 def _table(figures: "dict[str, Any]") -> Table:

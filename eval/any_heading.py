@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from echoscape.eval.trajectories import between, planar_of_world
-from echoscape.learn.augment import PlaneMotion, Turns, turned
+from echoscape.learn.augment import Turns, turned
 from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures
+from echoscape.learn.plane_motion import PlaneMotion
 from echoscape.sim.folders import ScanFolder
 from echoscape.sim.whole_files import DatasetError
 

@@ -93,6 +93,15 @@ class FourierOdometry:
         directions = np.fft.rfft(rings, axis=0).astype(np.complex64)
         return FourierFeatures(cells=cells, spectrum=spectrum, directions=directions)
 
+    def start(self, scan: PolarScan) -> FourierFeatures:
+        """Return the scan's features."""
+        return self.features(scan)
+
+    def follow(self, state: FourierFeatures, scan: PolarScan) -> tuple[PairMotion, FourierFeatures]:
+        """Return the motion since the scan before, and the scan's features."""
+        later = self.features(scan)
+        return self.motion(state, later), later
+
     def motion(self, earlier: FourierFeatures, later: FourierFeatures) -> PairMotion:
         """Return the turn at which the spectra agree, then the shift at which the pictures do.
 

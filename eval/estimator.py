@@ -1,7 +1,7 @@
-"""What judges and commands ask of a radar odometry: features once per scan, and the motion between two scans.
+"""What judges and commands ask of a radar odometry: a start, and then the motion to each scan that follows.
 
-The two steps are those of Barnes & Posner 2020 (keypoints once per scan, then matching), and of any method
-that describes a scan before it compares.
+What a method keeps of the scans before is its own: the features of the last one, as Barnes & Posner 2020 do,
+or a keyframe and a velocity besides.
 """
 
 import math
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from echoscape.sim.polar_scan import PolarScan
 
-Features = TypeVar("Features")
+State = TypeVar("State")
 
 
 class PairFailed(ValueError):
@@ -57,26 +57,26 @@ class PairMotion:
         return all(map(math.isfinite, (self.x_m, self.y_m, self.yaw_rad)))
 
 
-class Estimator(Protocol[Features]):
-    """A radar odometry. The same scans always give the same motion."""
+class Estimator(Protocol[State]):
+    """A radar odometry, scan after scan. The same scans always give the same motions."""
 
     @property
     def name(self) -> str:
         """What results are labelled with."""
         ...
 
-    def features(self, scan: PolarScan) -> Features:
-        """Return what a scan is compared by; called once for each scan.
+    def start(self, scan: PolarScan) -> State:
+        """Return what is kept of a drive that begins, or begins again, with a scan.
 
         Raises:
             PairFailed: the scan has nothing to compare.
         """
         ...
 
-    def motion(self, earlier: Features, later: Features) -> PairMotion:
-        """Return the pose of the later scan in the earlier one's frame.
+    def follow(self, state: State, scan: PolarScan) -> tuple[PairMotion, State]:
+        """Return the pose of a scan in the frame of the one before it, and what is kept then.
 
         Raises:
-            PairFailed: the scans cannot be brought together.
+            PairFailed: the scan has nothing to compare, or the scans cannot be brought together.
         """
         ...

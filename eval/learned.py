@@ -1,15 +1,15 @@
-"""The learned keypoint odometry as an estimator for judges and commands: weights from a file, then two calls.
+"""The learned keypoint odometry as an estimator for judges and commands: weights from a file, then a drive.
 
-Source: learn/inference.py; this page only turns its results into those of eval/estimator.py.
+Source: learn/following.py; this page only turns its results into those of eval/estimator.py.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from echoscape import learn
 from echoscape.eval.estimator import Matches, PairFailed, PairMotion
-from echoscape.learn.inference import Estimator, ScanFeatures, quick_solving
-from echoscape.learn.rolling import Rolling
+from echoscape.learn.following import PAIRS_ALONE, Follower, FollowSettings, Scan, Track
+from echoscape.learn.inference import Estimator, quick_solving
+from echoscape.learn.rolling import RollingError
 from echoscape.learn.weights import read_weights
 from echoscape.sim.polar_scan import PolarScan
 from echoscape.sim.whole_files import DatasetError
@@ -42,56 +42,42 @@ def chosen_weights(resolution_m: float | None = None) -> Path:
     return found[resolution_m]
 
 
-@dataclass(frozen=True, kw_only=True)
-class TimedFeatures:
-    """What is kept of a scan, and when it was taken: its middle and how long a turn took [s]."""
-
-    features: ScanFeatures
-    middle_s: float
-    turn_s: float
-
-
 class LearnedOdometry:
-    """Keypoints once a scan, matched by descriptors, weighted least squares for the motion."""
+    """Keypoints matched by descriptors, weighted least squares for the motion: `Follower` on polar scans."""
 
-    def __init__(
-        self, estimator: Estimator, *, range_offset_m: float = 0.0, doppler_beta_s: float | None = None
-    ) -> None:
-        """Take a model.
-
-        range_offset_m: what to add to the ranges of bins [m], as in `ScanFolder`; doppler_beta_s: range by
-        which what approaches appears too near, by its speed [m per m/s], to move points to mid-scan and rid
-        them of Doppler shifts before the pose is solved (`learn.rolling`); None takes points as they are.
-        """
-        self.estimator = estimator
-        self._range_offset_m, self._doppler_beta_s = range_offset_m, doppler_beta_s
+    def __init__(self, follower: Follower, *, range_offset_m: float = 0.0) -> None:
+        """Take a follower; range_offset_m: what to add to the ranges of bins [m], as in `ScanFolder`."""
+        self.follower = follower
+        self._range_offset_m = range_offset_m
 
     @property
     def name(self) -> str:
         """What results are labelled with."""
-        return "learned" if self._doppler_beta_s is None else "learned, compensated"
+        alone = ["pairs alone"] if self.follower.settings == PAIRS_ALONE else []
+        return ", ".join(["learned", *alone, *(["compensated"] if self.follower.compensates else [])])
 
-    def features(self, scan: PolarScan) -> TimedFeatures:
-        """Return the scan's keypoints and maps."""
-        found = self.estimator.features(scan.codes, scan.bin_m, range_offset_m=self._range_offset_m)
-        first, last = (int(scan.timestamp_us[row]) for row in (0, -1))
-        rows = len(scan.timestamp_us)
-        return TimedFeatures(
-            features=found,
-            middle_s=(first + last) / 2e6,
-            turn_s=(last - first) / 1e6 * rows / max(rows - 1, 1),
-        )
+    @property
+    def estimator(self) -> Estimator:
+        """What finds the motion between any two scans."""
+        return self.follower.estimator
 
-    def motion(self, earlier: TimedFeatures, later: TimedFeatures) -> PairMotion:
-        """Match the later scan's keypoints in the earlier one and return the motion.
+    def start(self, scan: PolarScan) -> Track:
+        """Return the track of a drive that begins with a scan."""
+        return self.follower.start(self._scan(scan))
+
+    def follow(self, state: Track, scan: PolarScan) -> tuple[PairMotion, Track]:
+        """Match the scan's keypoints in the scan before and in the keyframe, and return the motion.
 
         Raises:
             PairFailed: the matches do not determine the rotation, or the times are none to compensate by.
         """
-        found = self.estimator.estimate(later.features, earlier.features, self._rolling(earlier, later))
+        try:
+            found, track = self.follower.follow(state, self._scan(scan))
+        except RollingError as error:
+            raise PairFailed(f"the scans' times leave nothing to compensate by: {error}") from error
         if not found.certain:
             raise PairFailed("the matches leave the rotation open: no weight, or all in one place")
-        return PairMotion(
+        motion = PairMotion(
             x_m=found.motion.x_m,
             y_m=found.motion.y_m,
             yaw_rad=found.motion.yaw_rad,
@@ -101,29 +87,32 @@ class LearnedOdometry:
                 weights=found.weights.astype(float),
             ),
         )
+        return motion, track
 
-    def _rolling(self, earlier: TimedFeatures, later: TimedFeatures) -> Rolling | None:
-        if self._doppler_beta_s is None:
-            return None
-        try:
-            return Rolling(
-                turn_s=later.turn_s,
-                doppler_beta_s=self._doppler_beta_s,
-                gap_s=later.middle_s - earlier.middle_s,
-            )
-        except ValueError as error:
-            raise PairFailed(f"the scans' times leave nothing to compensate by: {error}") from error
+    def _scan(self, scan: PolarScan) -> Scan:
+        first, last = (int(scan.timestamp_us[row]) for row in (0, -1))
+        rows = len(scan.timestamp_us)
+        return Scan(
+            codes=scan.codes,
+            bin_m=scan.bin_m,
+            range_offset_m=self._range_offset_m,
+            middle_s=(first + last) / 2e6,
+            turn_s=(last - first) / 1e6 * rows / max(rows - 1, 1),
+        )
 
 
 def learned_odometry(
-    weights: Path, *, range_offset_m: float = 0.0, doppler_beta_s: float | None = None
+    weights: Path,
+    *,
+    range_offset_m: float = 0.0,
+    doppler_beta_s: float | None = None,
+    settings: FollowSettings | None = None,
 ) -> LearnedOdometry:
-    """Return the odometry with the weights in a file; for the other arguments see `LearnedOdometry`.
+    """Return the odometry with the weights in a file; for the other arguments see `Follower`.
 
     Raises:
         DatasetError: the file is no weights.
     """
     model, _ = read_weights(weights)
-    return LearnedOdometry(
-        Estimator(model, quick_solving()), range_offset_m=range_offset_m, doppler_beta_s=doppler_beta_s
-    )
+    follower = Follower(Estimator(model, quick_solving()), settings, doppler_beta_s=doppler_beta_s)
+    return LearnedOdometry(follower, range_offset_m=range_offset_m)

@@ -1,4 +1,4 @@
-"""Odometry over a folder of scans: every scan described once, every pair in order, failures kept as results.
+"""Odometry over a folder of scans: every pair in order, failures kept as results.
 
 The run follows KISS-ICP's (Vizzo et al., RA-L 2023): one pass, then figures and files. A pair that fails
 counts as no motion in the trajectory and in every figure; none is left out.
@@ -15,9 +15,10 @@ from typing import Generic
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.eval.estimator import Estimator, Features, PairFailed, PairMotion
+from echoscape.eval.estimator import Estimator, PairFailed, PairMotion, State
 from echoscape.eval.trajectories import between, chained, planar_of_world
 from echoscape.sim.folders import ScanFolder
+from echoscape.sim.polar_scan import PolarScan
 from echoscape.sim.whole_files import DatasetError
 
 _LOG = logging.getLogger(__name__)
@@ -33,7 +34,7 @@ class Pair:
 
     motion: of the later in the earlier one's frame, None where it failed; failure: why; matches: how many
     points it was made from, None where the estimator matches none; seconds: from the later scan in memory to
-    the pose [s].
+    the pose [s], a new beginning included where there is none.
     """
 
     motion: PairMotion | None
@@ -102,11 +103,11 @@ class Odometry:
 
 
 def run_odometry(
-    folder: ScanFolder, estimator: Estimator[Features], *, progress: Progress | None = None
+    folder: ScanFolder, estimator: Estimator[State], *, progress: Progress | None = None
 ) -> Odometry:
     """Return the odometry of a folder's scans.
 
-    A scan that cannot be read or described fails the pairs that it belongs to, and the run goes on.
+    A scan that cannot be read or compared fails the pairs that it belongs to, and the run begins again after.
 
     Raises:
         DatasetError: the folder has fewer than two scans, or its truth cannot be read.
@@ -117,13 +118,11 @@ def run_odometry(
     walk = _Walk(folder, estimator)
     report = progress or (lambda stage, done, total: None)
     report("pairs", 0, len(folder) - 1)
-    earlier = walk.described(0)
+    walk.begin(0, walk.read(0))
     pairs = []
     for index in range(1, len(folder)):
-        later = walk.described(index)
-        pairs.append(walk.pair(earlier, later, index))
+        pairs.append(walk.on(index))
         report("pairs", index, len(folder) - 1)
-        earlier = later
     return Odometry(
         method=estimator.name,
         names=tuple(int(stem) for stem in folder.stems),
@@ -133,58 +132,63 @@ def run_odometry(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Described(Generic[Features]):
-    """A scan's features, or why there are none; seconds: what they took."""
-
-    features: Features | None
-    failure: str | None
-    seconds: float
-
-
-class _Walk(Generic[Features]):
+class _Walk(Generic[State]):
     """One pass over a folder; `middles_us` gathers mid-scan times, None of scans that cannot be read."""
 
-    def __init__(self, folder: ScanFolder, estimator: Estimator[Features]) -> None:
+    def __init__(self, folder: ScanFolder, estimator: Estimator[State]) -> None:
         self._folder, self._estimator = folder, estimator
+        self._state: State | None = None
+        self._failure: str | None = None
         self.middles_us: list[int | None] = []
 
-    def described(self, index: int) -> _Described[Features]:
-        """Read and describe scan `index`."""
+    def read(self, index: int) -> PolarScan | None:
+        """Return scan `index`, or None and the failure of what it belongs to."""
         try:
             scan = self._folder.read(index)
         except DatasetError as error:
             self.middles_us.append(None)
-            return _Described(features=None, failure=str(error), seconds=0.0)
+            self._state, self._failure = None, str(error)
+            return None
         self.middles_us.append((int(scan.timestamp_us[0]) + int(scan.timestamp_us[-1])) // 2)
-        start = time.perf_counter()
-        try:
-            features, failure = self._estimator.features(scan), None
-        except PairFailed as error:
-            features, failure = None, f"scan {self._folder.paths[index].name}: {error}"
-        return _Described(features=features, failure=failure, seconds=time.perf_counter() - start)
+        return scan
 
-    def pair(self, earlier: _Described[Features], later: _Described[Features], index: int) -> Pair:
-        """Return what becomes of the scans `index` - 1 and `index`."""
+    def begin(self, index: int, scan: PolarScan | None) -> None:
+        """Begin, or begin again, with scan `index`, if it could be read."""
+        if scan is None:
+            return
+        try:
+            self._state, self._failure = self._estimator.start(scan), None
+        except PairFailed as error:
+            self._state, self._failure = None, f"scan {self._folder.paths[index].name}: {error}"
+
+    def on(self, index: int) -> Pair:
+        """Go on to scan `index` and return what becomes of it and the one before."""
+        before, failure = self._state, self._failure
+        scan = self.read(index)
+        if scan is None:
+            failure = failure or self._failure
         start = time.perf_counter()
-        motion, failure = None, earlier.failure or later.failure
-        if earlier.features is not None and later.features is not None:
-            motion, failure = self._motion(earlier.features, later.features)
-        seconds = later.seconds + time.perf_counter() - start
-        if failure is not None:
+        motion = None
+        if before is not None and scan is not None:
+            motion, failure = self._motion(before, scan)
+        if motion is None:
+            self.begin(index, scan)
             _LOG.warning("pair %d failed: %s", index - 1, failure)
         matches = None if motion is None or motion.matches is None else len(motion.matches.weights)
         # Some hundred points a pair would fill the memory of a long drive.
         kept = None if motion is None else replace(motion, matches=None)
-        return Pair(motion=kept, failure=failure, matches=matches, seconds=seconds)
+        return Pair(motion=kept, failure=failure, matches=matches, seconds=time.perf_counter() - start)
 
-    def _motion(self, earlier: Features, later: Features) -> tuple[PairMotion | None, str | None]:
+    def _motion(self, before: State, scan: PolarScan) -> tuple[PairMotion | None, str | None]:
         """Return the motion, or why there is none."""
         try:
-            motion = self._estimator.motion(earlier, later)
+            motion, state = self._estimator.follow(before, scan)
         except PairFailed as error:
             return None, str(error)
-        return (motion, None) if motion.is_finite else (None, "the motion is not finite")
+        if not motion.is_finite:
+            return None, "the motion is not finite"
+        self._state = state
+        return motion, None
 
 
 def _middles_us(names_us: NDArray[np.int64], middles_us: list[int | None]) -> NDArray[np.int64]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from echoscape.eval.estimator import Estimator, Features
+from echoscape.eval.estimator import Estimator, State
 from echoscape.eval.odometry import Odometry
 from echoscape.eval.odometry_metrics import metrics, pair_errors
 from echoscape.eval.odometry_plots import matches_picture, pairs_picture, trajectory_picture
@@ -30,7 +30,7 @@ def write_odometry_report(
     out: Path,
     odometry: Odometry,
     folder: ScanFolder,
-    estimator: Estimator[Features],
+    estimator: Estimator[State],
     more: Mapping[str, Any] | None = None,
 ) -> tuple[Path, ...]:
     """Write everything to the folder `out`, which is made where it is not; return the files.
@@ -111,7 +111,7 @@ def _rows(odometry: Odometry) -> list[OdometryRow]:
     ]
 
 
-def _matches(odometry: Odometry, folder: ScanFolder, estimator: Estimator[Features]) -> bytes | None:
+def _matches(odometry: Odometry, folder: ScanFolder, estimator: Estimator[State]) -> bytes | None:
     """Return the picture of a pair that moved much, or None if all failed."""
     found = np.flatnonzero(~odometry.failed)
     if not len(found):
@@ -119,6 +119,6 @@ def _matches(odometry: Odometry, folder: ScanFolder, estimator: Estimator[Featur
     moved = np.hypot(odometry.motions[found, 0], odometry.motions[found, 1])
     index = int(found[np.argsort(moved, kind="stable")[int(_SHOWN * (len(found) - 1))]])
     earlier, later = folder.read(index), folder.read(index + 1)
-    motion = estimator.motion(estimator.features(earlier), estimator.features(later))
+    motion, _ = estimator.follow(estimator.start(earlier), later)
     title = f"Pair {index + 1} of {len(odometry.pairs)}, {odometry.method}"
     return matches_picture(earlier, later, motion, title=title)

@@ -11,14 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-
-@dataclass(frozen=True, kw_only=True)
-class PlaneMotion:
-    """A pose T_destination_source, Oxford axes: x forward, y right [m], yaw clockwise [rad]."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
+from echoscape.learn.plane_motion import PlaneMotion, rotated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,14 +72,8 @@ def turned(motion: PlaneMotion, turns: Turns) -> PlaneMotion:
     becomes B t - R' u.
     """
     yaw = motion.yaw_rad + turns.destination_rad - turns.source_rad
-    forward, right = _rotated((motion.x_m, motion.y_m), turns.destination_rad)
-    back_forward, back_right = _rotated(turns.shift_m, yaw)
+    forward, right = rotated((motion.x_m, motion.y_m), turns.destination_rad)
+    back_forward, back_right = rotated(turns.shift_m, yaw)
     return PlaneMotion(
         x_m=forward - back_forward, y_m=right - back_right, yaw_rad=math.remainder(yaw, 2 * math.pi)
     )
-
-
-def _rotated(point_m: tuple[float, float], yaw_rad: float) -> tuple[float, float]:
-    """Return a point, forward and right [m], rotated clockwise."""
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-    return cosine * point_m[0] - sine * point_m[1], sine * point_m[0] + cosine * point_m[1]

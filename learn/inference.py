@@ -5,28 +5,41 @@ Source: Barnes & Posner 2020, sections III-C and III-D. Batch normalisation is f
 
 import copy
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from echoscape.learn.augment import PlaneMotion
 from echoscape.learn.image import Projector, range_cells
-from echoscape.learn.keypoints import Keypoints
-from echoscape.learn.model import Destination, Features, KeypointModel, Matching, destination_of
-from echoscape.learn.pose import ROBUST_SCALE_PX, Motion, residuals_m, rotation_of_yaw
-from echoscape.learn.rolling import Rolling, solved
+from echoscape.learn.model import Destination, Features, KeypointModel, Matches, Matching, destination_of
+from echoscape.learn.plane_motion import STILL, PlaneMotion, plane_motion_of
+from echoscape.learn.pose import ROBUST_SCALE_PX, Motion, moved, residuals_m
+from echoscape.learn.rolling import Part, Rolling, solved
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScanFeatures:
-    """What is kept of a scan: what the network says of it, and its range cells (azimuths, cells) uint8."""
+    """What is kept of a scan.
 
-    plain: Features
+    seen: what the network says of its picture; cells: range cells (azimuths, cells) uint8; shown_at: the pose
+    of the scan in the frame of its picture, which need not be upright nor show the radar in its middle.
+    """
+
+    seen: Features
     cells: NDArray[np.uint8]
+    shown_at: PlaneMotion = STILL
+
+
+@dataclass(frozen=True, kw_only=True)
+class Searchable:
+    """A scan's picture made ready for others to be looked for in, and the scan's pose in its frame."""
+
+    destination: Destination
+    shown_at: PlaneMotion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +71,9 @@ def quick_solving() -> Solving:
 class PairEstimate:
     """The motion T_destination_source of a pair and the matches behind it.
 
-    source_m, destination_m: (N, 2) float32 forward, right [m]; weights: (N,) float32; certain: whether the
-    matches determine the rotation; agreement: the weight of the matches that the motion explains.
+    source_m, destination_m: (N, 2) float32 forward, right [m], each in its own scan's frame; weights: (N,)
+    float32; certain: whether the matches determine the rotation; agreement: the weight of the matches that
+    the motion explains, those with other destinations included.
     """
 
     motion: PlaneMotion
@@ -81,83 +95,115 @@ class Estimator:
 
     @torch.inference_mode()
     def features(
-        self, codes: NDArray[np.uint8], bin_m: float, *, range_offset_m: float = 0.0
+        self,
+        codes: NDArray[np.uint8],
+        bin_m: float,
+        *,
+        range_offset_m: float = 0.0,
+        shown_at: PlaneMotion = STILL,
     ) -> ScanFeatures:
-        """Return what is kept of a scan with codes (azimuths, bins).
+        """Return what is kept of a scan with codes (azimuths, bins), shown at a pose.
 
         Raises:
             ValueError: `codes` is no scan, or `bin_m` no length.
         """
         cells = range_cells(codes, bin_m, self.model.settings.image, range_offset_m=range_offset_m)
-        return ScanFeatures(plain=self._seen(cells, 0.0), cells=cells)
+        return self._seen(cells, shown_at)
 
     @torch.inference_mode()
+    def shown(self, scan: ScanFeatures, shown_at: PlaneMotion) -> ScanFeatures:
+        """Return what is kept of a scan once its picture shows it at another pose."""
+        return scan if shown_at == scan.shown_at else self._seen(scan.cells, shown_at)
+
+    @torch.inference_mode()
+    def searchable(self, scan: ScanFeatures) -> Searchable:
+        """Return the scan as a destination, to be used for as many sources as there are."""
+        seen = scan.seen
+        into = destination_of(seen.maps, seen.scores, self.solving.matching)
+        return Searchable(destination=into, shown_at=scan.shown_at)
+
+    @torch.inference_mode()
+    def matches(self, source: ScanFeatures, into: Searchable) -> Matches:
+        """Return the matches of the source's keypoints, points each in its own scan's frame [m]."""
+        found = self.model.matches(source.seen.keypoints, into.destination, self.solving.matching)
+        return replace(
+            found,
+            source_m=source.shown_at.inverse().of_points(found.source_m),
+            destination_m=into.shown_at.inverse().of_points(found.destination_m),
+        )
+
+    @torch.inference_mode()
+    def solve(self, parts: Sequence[Part], rolling: Rolling | None = None) -> PairEstimate:
+        """Return the source's pose by its matches with one destination or more, and those with the last.
+
+        The pose is told in the frame in which the parts tell their destinations'.
+        """
+        scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m
+        motion, parts = solved(parts, scale_m=scale_m if self.solving.robust else None, rolling=rolling)
+        last = parts[-1].matches
+        return PairEstimate(
+            motion=plane_motion_of(motion),
+            source_m=last.source_m[0].numpy(),
+            destination_m=last.destination_m[0].numpy(),
+            weights=last.weights[0].numpy(),
+            certain=bool(motion.certain),
+            agreement=sum(_agreement(part, motion, scale_m) for part in parts),
+        )
+
     def estimate(
         self, source: ScanFeatures, destination: ScanFeatures, rolling: Rolling | None = None
     ) -> PairEstimate:
-        """Return the motion T_destination_source of scans whose headings differ by less than some 20 deg.
+        """Return the motion T_destination_source of scans whose pictures differ by less than some 20 deg.
 
         rolling: how the scans rolled, for the motion from mid-scan to mid-scan of a car that is not slow;
         without it points count as if they had all been seen at once.
         """
-        return self._estimate(source.plain.keypoints, self._prepared(destination), 0.0, rolling)
+        return self._estimate(source, self.searchable(destination), rolling)
 
-    @torch.inference_mode()
     def estimate_any_heading(
         self, source: ScanFeatures, destination: ScanFeatures, *, headings: int = 16
     ) -> PairEstimate:
         """Return the motion T_destination_source of scans with any headings.
 
         The source's picture is turned to `headings` headings, evenly around; the motion whose matches agree
-        most wins, and is refined with the picture turned to the heading that it tells.
+        most wins, and is refined with the source shown where that motion says.
 
         Raises:
             ValueError: `headings` is below 1.
         """
         if headings < 1:
             raise ValueError(f"headings must be 1 or more, got {headings}")
-        turns = [2 * math.pi * number / headings for number in range(headings)]
-        into = self._prepared(destination)
-        best = max((self._turned(source, into, turn) for turn in turns), key=lambda each: each.agreement)
-        return max(self._turned(source, into, best.motion.yaw_rad), best, key=lambda each: each.agreement)
+        into = self.searchable(destination)
+        turns = (2 * math.pi * number / headings for number in range(headings))
+        shown = (self.shown(source, replace(STILL, yaw_rad=turn)) for turn in turns)
+        best = max((self._estimate(each, into) for each in shown), key=lambda found: found.agreement)
+        refined = self._estimate(self.shown(source, into.shown_at.then(best.motion)), into)
+        return max(refined, best, key=lambda found: found.agreement)
 
     @torch.inference_mode()
     def embedding(self, scan: ScanFeatures) -> NDArray[np.float32]:
         """Return the description (248,) float32 of the scan's place."""
-        return self.model.embedding(scan.plain)[0].numpy()
+        return self.model.embedding(scan.seen)[0].numpy()
 
-    def _seen(self, cells: NDArray[np.uint8], turn_rad: float) -> Features:
-        """Return what the network says of range cells, once their picture is turned."""
+    def _seen(self, cells: NDArray[np.uint8], shown_at: PlaneMotion) -> ScanFeatures:
+        """Return what the network says of range cells, shown at a pose."""
         projector = self._projectors.setdefault(len(cells), Projector(self.model.settings.image, len(cells)))
-        picture = projector.image(cells, turn_rad=turn_rad)[None]
+        shift_m = (shown_at.x_m, shown_at.y_m)
+        picture = projector.image(cells, turn_rad=shown_at.yaw_rad, shift_m=shift_m)[None]
         with torch.autocast("cpu", self.solving.network, enabled=self.solving.network != torch.float32):
-            return self.model.features(picture)
-
-    def _prepared(self, scan: ScanFeatures) -> Destination:
-        return destination_of(scan.plain.maps, scan.plain.scores, self.solving.matching)
-
-    def _turned(self, source: ScanFeatures, into: Destination, turn_rad: float) -> PairEstimate:
-        keypoints = self._seen(source.cells, turn_rad).keypoints if turn_rad else source.plain.keypoints
-        return self._estimate(keypoints, into, turn_rad, None)
+            return ScanFeatures(seen=self.model.features(picture), cells=cells, shown_at=shown_at)
 
     def _estimate(
-        self, keypoints: Keypoints, into: Destination, turn_rad: float, rolling: Rolling | None
+        self, source: ScanFeatures, into: Searchable, rolling: Rolling | None = None
     ) -> PairEstimate:
-        """Match keypoints that were seen after the picture was turned, turn them back, and solve."""
-        found = self.model.matches(keypoints, into, self.solving.matching)
-        back = rotation_of_yaw(torch.tensor([-turn_rad]))
-        found = replace(found, source_m=found.source_m @ back.transpose(1, 2))
-        scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m
-        motion, found = solved(found, scale_m=scale_m if self.solving.robust else None, rolling=rolling)
-        off = residuals_m(found.source_m, found.destination_m, motion) / scale_m
-        return PairEstimate(
-            motion=_plane(motion),
-            source_m=found.source_m[0].numpy(),
-            destination_m=found.destination_m[0].numpy(),
-            weights=found.weights[0].numpy(),
-            certain=bool(motion.certain),
-            agreement=float((found.weights * torch.exp(-0.5 * off**2)).sum()),
-        )
+        return self.solve([Part(matches=self.matches(source, into), stood_at=STILL.tensors())], rolling)
+
+
+def _agreement(part: Part, motion: Motion, scale_m: float) -> float:
+    """Return the weight of the matches that a motion explains."""
+    found = part.matches
+    off = residuals_m(found.source_m, moved(found.destination_m, part.stood_at), motion) / scale_m
+    return part.weight * float((found.weights * torch.exp(-0.5 * off**2)).sum())
 
 
 def folded(model: KeypointModel) -> KeypointModel:
@@ -169,12 +215,3 @@ def folded(model: KeypointModel) -> KeypointModel:
                 if isinstance(layer, nn.Conv2d) and isinstance(following, nn.BatchNorm2d):
                     part[i], part[i + 1] = fuse_conv_bn_eval(layer, following), nn.Identity()
     return model.requires_grad_(False)
-
-
-def _plane(motion: Motion) -> PlaneMotion:
-    forward, right = _floats(motion.translation_m[0])
-    return PlaneMotion(x_m=forward, y_m=right, yaw_rad=float(motion.yaw_rad))
-
-
-def _floats(values: Tensor) -> list[float]:
-    return [float(value) for value in values]

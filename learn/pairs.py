@@ -14,10 +14,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from echoscape.learn.augment import PlaneMotion, Turns, TurnSettings, drawn_turns, turned
+from echoscape.learn.augment import Turns, TurnSettings, drawn_turns, turned
 from echoscape.learn.cells_cache import Report, cells_of
 from echoscape.learn.image import ImageSettings, Projector
-from echoscape.learn.pose import Motion, rotation_of_yaw
+from echoscape.learn.plane_motion import PlaneMotion
+from echoscape.learn.pose import Motion
 from echoscape.sim.folders import open_folder
 from echoscape.sim.oxford import relative_pose
 from echoscape.sim.whole_files import DatasetError
@@ -121,12 +122,12 @@ def plane_motion(poses: NDArray[np.float64], pair: Pair) -> PlaneMotion:
 
 
 def motion_tensors(motions: Sequence[PlaneMotion]) -> Motion:
-    """Return motions as float32 tensors."""
-    yaw = torch.tensor([each.yaw_rad for each in motions], dtype=torch.float64)
+    """Return motions as a batch of float32 tensors."""
+    each = [motion.tensors() for motion in motions]
     return Motion(
-        rotation=rotation_of_yaw(yaw).float(),
-        translation_m=torch.tensor([(each.x_m, each.y_m) for each in motions], dtype=torch.float32),
-        certain=torch.ones(len(motions), dtype=torch.bool),
+        rotation=torch.cat([one.rotation for one in each]),
+        translation_m=torch.cat([one.translation_m for one in each]),
+        certain=torch.cat([one.certain for one in each]),
     )
 
 

@@ -6,15 +6,20 @@ what is matched to stand still.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from echoscape.learn.model import Matches
-from echoscape.learn.pose import Motion
+from echoscape.learn.pose import Motion, moved
 
 _ROUNDS = 3
+
+
+class RollingError(ValueError):
+    """The scans' times are none that points could be moved by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +37,11 @@ class Rolling:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.turn_s) and self.turn_s > 0):
-            raise ValueError(f"turn_s must be finite and above 0, got {self.turn_s}")
+            raise RollingError(f"turn_s must be finite and above 0, got {self.turn_s}")
         if not math.isfinite(self.doppler_beta_s):
-            raise ValueError(f"doppler_beta_s must be finite, got {self.doppler_beta_s}")
+            raise RollingError(f"doppler_beta_s must be finite, got {self.doppler_beta_s}")
         if not (math.isfinite(self.gap_s) and self.gap_s != 0):
-            raise ValueError(f"gap_s must be finite and not 0, got {self.gap_s}")
+            raise RollingError(f"gap_s must be finite and not 0, got {self.gap_s}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,23 +81,59 @@ def at_middle(points_m: Tensor, twist: Twist, rolling: Rolling) -> Tensor:
     return moved + torch.stack([cosine * forward - sine * right, sine * forward + cosine * right], -1)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """Matches of one source with one destination, and where that stood in the frame of the answer.
+
+    weight: factor of the matches' weights against those of other parts.
+    """
+
+    matches: Matches
+    stood_at: Motion
+    weight: float = 1.0
+
+
 def solved(
-    matches: Matches, *, scale_m: float | None = None, rolling: Rolling | None = None
-) -> tuple[Motion, Matches]:
-    """Return the motion of matches, and the matches with their points at mid-scan.
+    parts: Sequence[Part], *, scale_m: float | None = None, rolling: Rolling | None = None
+) -> tuple[Motion, tuple[Part, ...]]:
+    """Return the motion of one source by all of its matches, and the parts with their points at mid-scan.
 
     scale_m: of `robust_motion`; None for least squares of all. With `rolling`, the motion of points as they
-    are gives the velocities; those move the points, and so on, thrice: each round leaves about a thousandth
-    of the error before it. Without it, points are taken as they are.
+    are gives the velocities, those of the source against the last part's destination, which all are taken to
+    have had; those move the points, and so on, thrice: each round leaves about a thousandth of the error
+    before it. Without it, points are taken as they are.
     """
-    moved, motion = matches, matches.motion(robust_scale_m=scale_m)
+    seen, motion = tuple(parts), _joint(parts, scale_m)
     for _ in range(_ROUNDS if rolling is not None else 0):
         assert rolling is not None
-        twist = twist_between(motion, rolling.gap_s)
-        places = [at_middle(each, twist, rolling) for each in (matches.source_m, matches.destination_m)]
-        moved = Matches(source_m=places[0], destination_m=places[1], weights=matches.weights)
-        motion = moved.motion(robust_scale_m=scale_m)
-    return motion, moved
+        twist = twist_between(relative(parts[-1].stood_at, motion), rolling.gap_s)
+        seen = tuple(replace(part, matches=_rolled(part.matches, twist, rolling)) for part in parts)
+        motion = _joint(seen, scale_m)
+    return motion, seen
+
+
+def relative(destination: Motion, source: Motion) -> Motion:
+    """Return T_destination_source of poses that are told in one frame."""
+    back = destination.rotation.transpose(1, 2)
+    away = (source.translation_m - destination.translation_m)[..., None]
+    certain = source.certain & destination.certain
+    return Motion(rotation=back @ source.rotation, translation_m=(back @ away)[..., 0], certain=certain)
+
+
+def _joint(parts: Sequence[Part], scale_m: float | None) -> Motion:
+    together = Matches(
+        source_m=torch.cat([part.matches.source_m for part in parts], 1),
+        destination_m=torch.cat([moved(part.matches.destination_m, part.stood_at) for part in parts], 1),
+        weights=torch.cat([part.weight * part.matches.weights for part in parts], 1),
+    )
+    return together.motion(robust_scale_m=scale_m)
+
+
+def _rolled(matches: Matches, twist: Twist, rolling: Rolling) -> Matches:
+    source_m, destination_m = (
+        at_middle(each, twist, rolling) for each in (matches.source_m, matches.destination_m)
+    )
+    return replace(matches, source_m=source_m, destination_m=destination_m)
 
 
 def _moved(twist: Twist, time_s: Tensor) -> tuple[Tensor, Tensor]:

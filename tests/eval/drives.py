@@ -64,19 +64,20 @@ class Knowing:
     def name(self) -> str:
         return "knowing"
 
-    def features(self, scan: PolarScan) -> int:
+    def start(self, scan: PolarScan) -> int:
         number = (int(scan.timestamp_us[0]) - START_US) // TURN_US
         self.seen.append(number)
         if number == self.blind:
             raise PairFailed("nothing to see")
         return number
 
-    def motion(self, earlier: int, later: int) -> PairMotion:
-        assert later == earlier + 1
-        if earlier in self.failing:
+    def follow(self, state: int, scan: PolarScan) -> tuple[PairMotion, int]:
+        number = self.start(scan)
+        assert number == state + 1
+        if state in self.failing:
             raise PairFailed("told to")
-        x, y, yaw = self.motions[earlier]
-        return PairMotion(x_m=x, y_m=y, yaw_rad=yaw)
+        x, y, yaw = self.motions[state]
+        return PairMotion(x_m=x, y_m=y, yaw_rad=yaw), number
 
 
 def landmarks(*, seed: int = 4, count: int = 150) -> np.ndarray:

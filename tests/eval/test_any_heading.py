@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from echoscape.eval.any_heading import APART_M, any_heading, places_of, turned_pairs
-from echoscape.learn.augment import PlaneMotion
 from echoscape.learn.inference import Estimator, PairEstimate
+from echoscape.learn.plane_motion import PlaneMotion
 from echoscape.sim.whole_files import DatasetError
 from tests.eval.drives import TINY, opened, write_drive
 

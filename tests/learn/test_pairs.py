@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from echoscape.learn.augment import PlaneMotion, Turns, TurnSettings, drawn_turns, turned
+from echoscape.learn.augment import Turns, TurnSettings, drawn_turns, turned
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.pairs import Pair, PairSet
 from echoscape.learn.pixels import pixels_of_metres
+from echoscape.learn.plane_motion import PlaneMotion
 from echoscape.sim.whole_files import DatasetError
 from tests.learn.folders import motion_between, world, write_folder
 

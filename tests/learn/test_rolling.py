@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from echoscape.learn.model import Matches
+from echoscape.learn.plane_motion import STILL
 from echoscape.learn.pose import Motion, rotation_of_yaw
-from echoscape.learn.rolling import Rolling, Twist, at_middle, solved, twist_between
+from echoscape.learn.rolling import Part, Rolling, Twist, at_middle, solved, twist_between
 
 TURN_S, BETA_S, GAP_S = 0.25, 0.049, 0.25
 
@@ -116,7 +117,8 @@ def test_the_motion_between_rolling_scans_is_exact_at_steady_velocity(
     matches = Matches(source_m=_tensor(source), destination_m=_tensor(destination), weights=weights)
     rolling = Rolling(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=-GAP_S if backwards else GAP_S)
     expected = np.linalg.inv(later) if backwards else later
-    found, moved = solved(matches, rolling=rolling)
+    found, (part,) = solved([Part(matches=matches, stood_at=STILL.tensors(torch.float64))], rolling=rolling)
+    moved = part.matches
     assert_allclose(
         moved.destination_m[0], later_spots[kept] if backwards else earlier_spots[kept], atol=1e-3
     )

@@ -1,0 +1,183 @@
+"""A drive scan by scan: each matched with the one before and a keyframe, seen from where it should be.
+
+Source: keyframes and the expectation of constant velocity are common in odometry (Burnett et al., RSS 2021;
+Vizzo et al., RA-L 2023); Barnes & Posner 2020 take every pair by itself. Pairs alone add up what every one of
+them is off, to the same side where the network leans to one: keyframes stop that from adding up, the scan
+before keeps the next step smooth. Every picture is shown in the keyframe's frame at the pose that its scan is
+expected at, so that what stands still stays where it was in the picture, and no lean towards that place,
+which pooling brings about, makes a motion too short.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures, Searchable
+from echoscape.learn.plane_motion import STILL, PlaneMotion
+from echoscape.learn.rolling import Part, Rolling
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowSettings:
+    """How a drive is followed.
+
+    keyframe_m, keyframe_rad: how far from its keyframe a scan may be before it is the next one [m], [rad];
+    before_weight: weight of matches with the scan before against those with the keyframe; surprise_m,
+    surprise_rad: by how much a pose may miss what was expected before the scan is shown anew, where it was
+    found; likely_m: the longest motion that is expected to go on [m].
+    """
+
+    keyframe_m: float = 12.0
+    keyframe_rad: float = 0.3
+    before_weight: float = 0.5
+    surprise_m: float = 0.5
+    surprise_rad: float = 0.02
+    likely_m: float = 15.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not value >= 0:
+                raise ValueError(f"{name} must be 0 or more, got {value}")
+
+
+PAIRS_ALONE = FollowSettings(keyframe_m=0.0, likely_m=0.0, surprise_m=math.inf, surprise_rad=math.inf)
+"""Every pair by itself, as in the paper: both scans upright, neither keyframe nor expectation."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scan:
+    """A scan as it comes: codes (azimuths, bins) uint8, a bin's length [m], and its time.
+
+    range_offset_m: what to add to the ranges of bins [m]; middle_s: time of mid-scan; turn_s: how long a turn
+    took [s].
+    """
+
+    codes: NDArray[np.uint8]
+    bin_m: float
+    range_offset_m: float
+    middle_s: float
+    turn_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Stop:
+    """A scan on the way: what is kept of it, ready to be searched, and its pose in the keyframe's frame."""
+
+    features: ScanFeatures
+    searchable: Searchable
+    pose: PlaneMotion
+
+
+@dataclass(frozen=True, kw_only=True)
+class Track:
+    """What is kept of a drive so far.
+
+    keyframe, before: the scans that the next one is matched with, the same one right after a start; motion:
+    the last one, and the time that it took [s], None after a start; middle_s: of the last scan.
+    """
+
+    keyframe: _Stop
+    before: _Stop
+    motion: tuple[PlaneMotion, float] | None
+    middle_s: float
+
+
+class Follower:
+    """Odometry that goes on from what it kept of the scans before."""
+
+    def __init__(
+        self,
+        estimator: Estimator,
+        settings: FollowSettings | None = None,
+        *,
+        doppler_beta_s: float | None = None,
+    ) -> None:
+        """Take an estimator.
+
+        doppler_beta_s: range by which what approaches appears too near, by its speed [m per m/s], to move
+        points to mid-scan and rid them of Doppler shifts (`rolling`); None takes points as they are.
+        """
+        self.estimator, self.settings = estimator, settings or FollowSettings()
+        self._doppler_beta_s = doppler_beta_s
+
+    @property
+    def compensates(self) -> bool:
+        """Whether points are moved to mid-scan."""
+        return self._doppler_beta_s is not None
+
+    def start(self, scan: Scan) -> Track:
+        """Return the track of a drive that begins with a scan.
+
+        Raises:
+            ValueError: it is no scan.
+        """
+        found = self.estimator.features(scan.codes, scan.bin_m, range_offset_m=scan.range_offset_m)
+        keyframe = self._keyframe(found)
+        return Track(keyframe=keyframe, before=keyframe, motion=None, middle_s=scan.middle_s)
+
+    def follow(self, track: Track, scan: Scan) -> tuple[PairEstimate, Track]:
+        """Return the motion T_before_scan with the matches between the two, and the track with the scan.
+
+        Raises:
+            ValueError: it is no scan, or, where points are to be moved to mid-scan, its times are none.
+        """
+        track = self._with_keyframe_in_reach(track)
+        gap_s = scan.middle_s - track.middle_s
+        rolling = None
+        if self._doppler_beta_s is not None:
+            rolling = Rolling(turn_s=scan.turn_s, doppler_beta_s=self._doppler_beta_s, gap_s=gap_s)
+        expected = track.before.pose.then(self._expected(track, gap_s))
+        source = self.estimator.features(
+            scan.codes, scan.bin_m, range_offset_m=scan.range_offset_m, shown_at=expected
+        )
+        found = self._found(track, source, rolling)
+        if found.certain and self._is_surprise(expected.inverse().then(found.motion)):
+            shown = self.estimator.shown(source, found.motion)
+            again = self._found(track, shown, rolling)
+            if again.agreement >= found.agreement:
+                found, source = again, shown
+        motion = track.before.pose.inverse().then(found.motion)
+        before = _Stop(features=source, searchable=self.estimator.searchable(source), pose=found.motion)
+        after = replace(track, before=before, motion=(motion, gap_s), middle_s=scan.middle_s)
+        return replace(found, motion=motion), after
+
+    def _keyframe(self, features: ScanFeatures) -> _Stop:
+        shown = self.estimator.shown(features, STILL)
+        return _Stop(features=shown, searchable=self.estimator.searchable(shown), pose=STILL)
+
+    def _with_keyframe_in_reach(self, track: Track) -> Track:
+        """Return the track, with the scan before as its new keyframe where the old one is too far back."""
+        pose, reach = track.before.pose, self.settings
+        if pose.length_m < reach.keyframe_m and abs(pose.yaw_rad) < reach.keyframe_rad:
+            return track
+        keyframe = self._keyframe(track.before.features)
+        return replace(track, keyframe=keyframe, before=keyframe)
+
+    def _expected(self, track: Track, gap_s: float) -> PlaneMotion:
+        """Return the motion of a car that goes on as it went, none where nothing is known."""
+        if track.motion is None:
+            return STILL
+        motion, took_s = track.motion
+        ratio = gap_s / took_s if took_s > 0 and gap_s > 0 and math.isfinite(gap_s) else 1.0
+        going_on = motion.times(ratio)
+        return going_on if going_on.length_m <= self.settings.likely_m else STILL
+
+    def _is_surprise(self, off: PlaneMotion) -> bool:
+        return off.length_m > self.settings.surprise_m or abs(off.yaw_rad) > self.settings.surprise_rad
+
+    def _found(self, track: Track, source: ScanFeatures, rolling: Rolling | None) -> PairEstimate:
+        """Return the scan's pose in the keyframe's frame, and its matches with the scan before."""
+        stops = [(track.before, 1.0)]
+        if track.keyframe is not track.before:
+            stops = [(track.keyframe, 1.0), (track.before, self.settings.before_weight)]
+        parts = [
+            Part(
+                matches=self.estimator.matches(source, stop.searchable),
+                stood_at=stop.pose.tensors(),
+                weight=weight,
+            )
+            for stop, weight in stops
+        ]
+        return self.estimator.solve(parts, rolling)

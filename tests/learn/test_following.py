@@ -1,0 +1,235 @@
+"""Following a drive: what every picture shows, keyframes, and what a lean does without them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, cast
+
+import numpy as np
+import pytest
+import torch
+from numpy.testing import assert_allclose
+from torch import Tensor
+
+from echoscape.learn.following import PAIRS_ALONE, Follower, FollowSettings, Scan
+from echoscape.learn.image import ImageSettings
+from echoscape.learn.inference import Estimator, ScanFeatures, Searchable
+from echoscape.learn.model import Matches, ModelSettings
+from echoscape.learn.plane_motion import STILL, PlaneMotion
+from echoscape.learn.rolling import RollingError
+from echoscape.learn.train import initial_model
+
+GAP_S = 0.25
+MODEL = initial_model(ModelSettings(image=ImageSettings(size=80)), seed=0)
+
+
+def spots() -> Tensor:
+    """Places (1, 40, 2) around the drive, forward, right [m] in the frame of its start."""
+    return torch.from_numpy(np.random.default_rng(2).uniform(-60, 60, (1, 40, 2))).float()
+
+
+class Seeing(Estimator):
+    """An estimator that sees where the spots are, by the number in a scan's codes.
+
+    lean: by what part its matches lean towards the place in the picture where a spot has been; blind: scans
+    that show nothing; `looks` has the number of every scan that a picture was made of, and the pose.
+    """
+
+    def __init__(self, poses: Sequence[PlaneMotion], *, lean: float = 0.0, blind: Sequence[int] = ()) -> None:
+        super().__init__(MODEL)
+        self.poses, self.lean, self.blind = poses, lean, blind
+        self.looks: list[tuple[int, PlaneMotion]] = []
+
+    def features(
+        self,
+        codes: np.ndarray,
+        bin_m: float,
+        *,
+        range_offset_m: float = 0.0,
+        shown_at: PlaneMotion = STILL,
+    ) -> ScanFeatures:
+        number = int(codes[0, 0])
+        self.looks.append((number, shown_at))
+        return ScanFeatures(seen=cast(Any, number), cells=codes, shown_at=shown_at)
+
+    def shown(self, scan: ScanFeatures, shown_at: PlaneMotion) -> ScanFeatures:
+        if shown_at == scan.shown_at:
+            return scan
+        return self.features(scan.cells, 1.0, shown_at=shown_at)
+
+    def searchable(self, scan: ScanFeatures) -> Searchable:
+        return Searchable(destination=cast(Any, scan.seen), shown_at=scan.shown_at)
+
+    def matches(self, source: ScanFeatures, into: Searchable) -> Matches:
+        first, second = cast(int, source.seen), cast(int, into.destination)
+        there = self.poses[first].inverse().of_points(spots())
+        here = self.poses[second].inverse().of_points(spots())
+        # In pictures: the match is drawn from the true place to the one at which the source shows the spot.
+        true, shown = into.shown_at.of_points(here), source.shown_at.of_points(there)
+        drawn = into.shown_at.inverse().of_points(true + self.lean * (shown - true))
+        weights = torch.full(there.shape[:2], 0.0 if first in self.blind else 1.0)
+        return Matches(source_m=there, destination_m=drawn, weights=weights)
+
+
+def scan(number: int, *, middle_s: float | None = None) -> Scan:
+    return Scan(
+        codes=np.full((4, 4), number, np.uint8),
+        bin_m=0.1,
+        range_offset_m=0.0,
+        middle_s=number * GAP_S if middle_s is None else middle_s,
+        turn_s=0.25,
+    )
+
+
+def way(motions: Sequence[PlaneMotion]) -> list[PlaneMotion]:
+    poses = [STILL]
+    for motion in motions:
+        poses.append(poses[-1].then(motion))
+    return poses
+
+
+def drive(count: int = 60) -> list[PlaneMotion]:
+    """Poses of a drive that gathers speed, bends to the right, and slows down."""
+    return way(
+        [
+            PlaneMotion(
+                x_m=2 * math.sin(math.pi * k / count) ** 2,
+                y_m=0.0,
+                yaw_rad=0.08 * math.sin(math.pi * k / count) ** 2,
+            )
+            for k in range(count)
+        ]
+    )
+
+
+def followed(seeing: Seeing, settings: FollowSettings | None = None) -> list[PlaneMotion]:
+    """Return the poses (N + 1) that the motions add up to."""
+    follower = Follower(seeing, settings)
+    track, found = follower.start(scan(0)), [STILL]
+    for number in range(1, len(seeing.poses)):
+        estimate, track = follower.follow(track, scan(number))
+        found.append(found[-1].then(estimate.motion))
+    return found
+
+
+@dataclass(frozen=True)
+class End:
+    """How far off the last pose is, [m] and [rad]."""
+
+    metres: float
+    radians: float
+
+
+def end(found: list[PlaneMotion], true: list[PlaneMotion]) -> End:
+    off = true[-1].inverse().then(found[-1])
+    return End(off.length_m, abs(off.yaw_rad))
+
+
+@pytest.mark.parametrize("settings", [None, PAIRS_ALONE])
+def test_what_is_seen_rightly_is_followed_exactly(settings: FollowSettings | None) -> None:
+    poses = drive()
+    found = followed(Seeing(poses), settings)
+    for pose, true in zip(found, poses, strict=True):
+        assert_allclose([pose.x_m, pose.y_m, pose.yaw_rad], [true.x_m, true.y_m, true.yaw_rad], atol=1e-4)
+
+
+def test_a_lean_towards_where_things_have_been_shortens_pairs_but_hardly_what_is_followed() -> None:
+    poses = drive()
+    alone = end(followed(Seeing(poses, lean=0.1), PAIRS_ALONE), poses)
+    kept = end(followed(Seeing(poses, lean=0.1)), poses)
+    steps = [pose.inverse().then(after) for pose, after in pairwise(poses)]
+    turned = sum(abs(step.yaw_rad) for step in steps)
+    assert alone.radians == pytest.approx(0.1 * turned, rel=0.1)  # a tenth of every turn is lost
+    assert kept.radians < alone.radians / 10
+    assert alone.metres > 0.05 * sum(step.length_m for step in steps)
+    assert kept.metres < alone.metres / 10
+
+
+def test_a_scan_is_shown_where_a_steady_car_would_have_brought_it() -> None:
+    steady = PlaneMotion(x_m=1.5, y_m=0.1, yaw_rad=0.01)
+    seeing = Seeing(way([steady] * 5))
+    followed(seeing)
+    shown = dict(seeing.looks)
+    for number in (2, 3, 4, 5):
+        true = seeing.poses[number]
+        at = shown[number]
+        assert_allclose([at.x_m, at.y_m, at.yaw_rad], [true.x_m, true.y_m, true.yaw_rad], atol=1e-3)
+
+
+def test_a_longer_gap_leads_farther() -> None:
+    seeing = Seeing(way([PlaneMotion(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 3))
+    follower = Follower(seeing)
+    _, track = follower.follow(follower.start(scan(0)), scan(1))
+    follower.follow(track, scan(3, middle_s=3 * GAP_S))
+    assert seeing.looks[-1][1].x_m == pytest.approx(3.0, abs=1e-3)
+    follower.follow(track, scan(2, middle_s=GAP_S))  # times that stand still tell nothing: as long as before
+    assert seeing.looks[-1][1].x_m == pytest.approx(2.0, abs=1e-3)
+
+
+def test_a_surprise_is_looked_at_again_where_it_was_found() -> None:
+    seeing = Seeing(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2), lean=0.2)
+    follower = Follower(seeing)
+    first, _ = follower.follow(follower.start(scan(0)), scan(1))
+    assert [number for number, _ in seeing.looks] == [0, 1, 1]
+    assert seeing.looks[1][1] == STILL
+    assert seeing.looks[2][1].x_m == pytest.approx(1.6, abs=1e-3)  # a fifth too short, and of the rest again
+    assert first.motion.x_m == pytest.approx(1.92, abs=1e-3)
+
+
+def test_keyframes_come_where_the_last_is_out_of_reach() -> None:
+    seeing = Seeing(way([PlaneMotion(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 9))
+    followed(seeing, FollowSettings(keyframe_m=3.5, surprise_m=math.inf))
+    # Scans 0 to 4 are shown in the frame of 0; 4, out of reach, upright again before 5; 8 before 9.
+    assert [number for number, _ in seeing.looks] == [0, 1, 2, 3, 4, 4, 5, 6, 7, 8, 8, 9]
+    upright = [number for number, at in seeing.looks if at == STILL]
+    assert upright == [0, 1, 4, 8]
+    turning = Seeing(way([PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=0.1)] * 4))
+    followed(turning, FollowSettings(keyframe_rad=0.15, surprise_rad=math.inf))
+    assert [number for number, _ in turning.looks] == [0, 1, 2, 2, 3, 4]
+
+
+def test_a_motion_that_no_car_keeps_up_is_not_expected_again() -> None:
+    seeing = Seeing(way([PlaneMotion(x_m=30.0, y_m=0.0, yaw_rad=0.0), STILL]))
+    followed(seeing)
+    assert seeing.looks[-1][1] == STILL
+
+
+def test_pairs_alone_are_what_the_estimator_says_of_them() -> None:
+    poses = drive(10)
+    seeing = Seeing(poses, lean=0.3)
+    follower = Follower(seeing, PAIRS_ALONE)
+    track = follower.start(scan(0))
+    for number in range(1, len(poses)):
+        found, track = follower.follow(track, scan(number))
+        source, destination = (seeing.features(scan(each).codes, 0.1) for each in (number, number - 1))
+        assert found.motion == seeing.estimate(source, destination).motion
+
+
+def test_matches_are_those_with_the_scan_before() -> None:
+    poses = drive()
+    follower = Follower(Seeing(poses))
+    track = follower.start(scan(0))
+    for number in range(1, 29):
+        _, track = follower.follow(track, scan(number))
+    found, _ = follower.follow(track, scan(29))
+    assert_allclose(found.destination_m, poses[28].inverse().of_points(spots())[0], atol=1e-4)
+    assert_allclose(found.source_m, poses[29].inverse().of_points(spots())[0], atol=1e-4)
+
+
+def test_a_scan_without_matches_leaves_the_motion_open() -> None:
+    follower = Follower(Seeing(drive(), blind=[1]))
+    found, _ = follower.follow(follower.start(scan(0)), scan(1))
+    assert not found.certain
+
+
+def test_scans_of_one_time_cannot_be_compensated() -> None:
+    follower = Follower(Seeing(drive()), doppler_beta_s=0.05)
+    with pytest.raises(RollingError, match="gap_s must be finite and not 0"):
+        follower.follow(follower.start(scan(0)), scan(1, middle_s=0.0))
+
+
+@pytest.mark.parametrize("name", list(vars(FollowSettings())))
+def test_settings_that_cannot_be_are_refused(name: str) -> None:
+    with pytest.raises(ValueError, match=f"{name} must be 0 or more, got nan"):
+        replace(FollowSettings(), **{name: math.nan})
