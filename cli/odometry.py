@@ -81,14 +81,15 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
         raise ValueError(f"--weights go with --method learned only, got --method {options.method}")
     if options.resolution is not None and (options.weights is not None or options.method != "learned"):
         raise ValueError("--resolution chooses among the learned method's own weights: not with --weights")
-    if options.compensate and options.method != "learned":
-        raise ValueError(f"--compensate goes with --method learned only, got --method {options.method}")
-    if options.pairs_alone and options.method != "learned":
-        raise ValueError(f"--pairs-alone goes with --method learned only, got --method {options.method}")
+    for flag, given in {
+        "--compensate": options.compensate,
+        "--pairs-alone": options.pairs_alone,
+        "--any-heading": options.any_heading,
+    }.items():
+        if given and options.method != "learned":
+            raise ValueError(f"{flag} goes with --method learned only, got --method {options.method}")
     if options.any_heading < 0:
         raise ValueError(f"--any-heading must be 0 or more, got {options.any_heading}")
-    if options.any_heading and options.method != "learned":
-        raise ValueError(f"--any-heading goes with --method learned only, got --method {options.method}")
     folder = open_folder(options.data)
     check_out(options.out)
     keep_freed_memory()

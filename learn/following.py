@@ -24,14 +24,12 @@ class FollowSettings:
     """How a drive is followed.
 
     keyframe_m, keyframe_rad: how far from its keyframe a scan may be before it is the next one [m], [rad];
-    before_weight: weight of matches with the scan before against those with the keyframe; surprise_m,
-    surprise_rad: by how much a pose may miss what was expected before the scan is shown anew, where it was
-    found; likely_m: the longest motion that is expected to go on [m].
+    surprise_m, surprise_rad: by how much a pose may miss what was expected before its scan is shown anew,
+    where it was found; likely_m: the longest motion that is expected to go on [m].
     """
 
     keyframe_m: float = 12.0
     keyframe_rad: float = 0.3
-    before_weight: float = 0.5
     surprise_m: float = 0.5
     surprise_rad: float = 0.02
     likely_m: float = 15.0
@@ -169,15 +167,9 @@ class Follower:
 
     def _found(self, track: Track, source: ScanFeatures, rolling: Rolling | None) -> PairEstimate:
         """Return the scan's pose in the keyframe's frame, and its matches with the scan before."""
-        stops = [(track.before, 1.0)]
-        if track.keyframe is not track.before:
-            stops = [(track.keyframe, 1.0), (track.before, self.settings.before_weight)]
+        stops = [track.before] if track.keyframe is track.before else [track.keyframe, track.before]
         parts = [
-            Part(
-                matches=self.estimator.matches(source, stop.searchable),
-                stood_at=stop.pose.tensors(),
-                weight=weight,
-            )
-            for stop, weight in stops
+            Part(matches=self.estimator.matches(source, stop.searchable), stood_at=stop.pose.tensors())
+            for stop in stops
         ]
         return self.estimator.solve(parts, rolling)

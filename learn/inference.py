@@ -203,7 +203,7 @@ def _agreement(part: Part, motion: Motion, scale_m: float) -> float:
     """Return the weight of the matches that a motion explains."""
     found = part.matches
     off = residuals_m(found.source_m, moved(found.destination_m, part.stood_at), motion) / scale_m
-    return part.weight * float((found.weights * torch.exp(-0.5 * off**2)).sum())
+    return float((found.weights * torch.exp(-0.5 * off**2)).sum())
 
 
 def folded(model: KeypointModel) -> KeypointModel:
@@ -215,4 +215,4 @@ def folded(model: KeypointModel) -> KeypointModel:
                 if isinstance(layer, nn.Conv2d) and isinstance(following, nn.BatchNorm2d):
                     part[i], part[i + 1] = fuse_conv_bn_eval(layer, following), nn.Identity()
     # With a pixel's channels side by side, convolutions and descriptors take half the time.
-    return model.requires_grad_(False).to(memory_format=torch.channels_last)
+    return model.requires_grad_(False).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]

@@ -83,14 +83,10 @@ def at_middle(points_m: Tensor, twist: Twist, rolling: Rolling) -> Tensor:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """Matches of one source with one destination, and where that stood in the frame of the answer.
-
-    weight: factor of the matches' weights against those of other parts.
-    """
+    """Matches of one source with one destination, and where that stood in the frame of the answer."""
 
     matches: Matches
     stood_at: Motion
-    weight: float = 1.0
 
 
 def solved(
@@ -124,7 +120,7 @@ def _joint(parts: Sequence[Part], scale_m: float | None) -> Motion:
     together = Matches(
         source_m=torch.cat([part.matches.source_m for part in parts], 1),
         destination_m=torch.cat([moved(part.matches.destination_m, part.stood_at) for part in parts], 1),
-        weights=torch.cat([part.weight * part.matches.weights for part in parts], 1),
+        weights=torch.cat([part.matches.weights for part in parts], 1),
     )
     return together.motion(robust_scale_m=scale_m)
 

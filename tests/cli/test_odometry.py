@@ -67,6 +67,23 @@ def test_learned_run_tells_its_matches(points: Path, weights: Path, tmp_path: Pa
     assert (out / "matches.png").is_file()
 
 
+def test_pairs_alone_and_compensation_are_asked_for_by_flags(
+    points: Path, weights: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    words = ["odometry", str(points), "--out", str(out), "--weights", str(weights)]
+    assert main([*words, "--pairs-alone", "--compensate"]) == 0
+    assert json.loads((out / "metrics.json").read_text())["method"] == "learned, pairs alone, compensated"
+
+
+@pytest.mark.parametrize("flag", [("--compensate",), ("--pairs-alone",), ("--any-heading", "3")])
+def test_what_only_the_learned_method_has_is_refused_with_others(
+    flag: tuple[str, ...], points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = refusal(capsys, str(points), "--out", str(tmp_path / "out"), "--method", "fourier", *flag)
+    assert f"{flag[0]} goes with --method learned only" in line
+
+
 def test_learned_method_without_weights_says_what_to_do(
     points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
