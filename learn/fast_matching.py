@@ -69,23 +69,48 @@ def dense_picture(maps: Maps, *, stride: int = 1) -> DensePicture:
     return DensePicture(descriptors=unit(torch.cat([finest, *coarse], 1), dim=1), stride=stride)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Near:
+    """Where keypoints are expected: places_px (B, N, 2) row, column, and a standard deviation [px]."""
+
+    places_px: Tensor
+    deviation_px: float
+
+
 def fast_search(
-    queries: Tensor, picture: DensePicture, *, temperature: float, dtype: torch.dtype = torch.float32
+    queries: Tensor,
+    picture: DensePicture,
+    *,
+    temperature: float,
+    dtype: torch.dtype = torch.float32,
+    near: Near | None = None,
 ) -> Search:
     """Look for descriptors (B, N, 248) of unit length in pictures, with gradients.
 
     The places are those of `matching.expected_matches` on the picture's grid; dtype: of the products, whose
-    sums stay float32.
+    sums stay float32; near: a normal distribution that the softmax is multiplied by, none by default.
     """
     rows, columns = picture.descriptors.shape[-2:]
     grid = pixel_grid(rows, columns, like=queries)
     weights = torch.cat([torch.ones_like(grid[:, :1]), grid], 1).T.contiguous()
     places, log_sums = [], []
-    for query, descriptors in zip(queries, picture.descriptors, strict=True):
-        place, log_sum = _Searched.apply(temperature * query, descriptors.flatten(1), weights, dtype)
+    for i, (query, descriptors) in enumerate(zip(queries, picture.descriptors, strict=True)):
+        nearness = None if near is None else _nearness(near, i, picture.stride)
+        place, log_sum = _Searched.apply(
+            temperature * query, descriptors.flatten(1), weights, dtype, nearness
+        )
         places.append((place + 0.5) * picture.stride - 0.5)
         log_sums.append(log_sum)
     return Search(places_px=torch.stack(places), log_sums=torch.stack(log_sums))
+
+
+def _nearness(near: Near, picture: int, stride: int) -> Tensor:
+    """Return (N, 4), which times (1, row, column, row^2 + column^2) is -|p - place|^2 / (2 deviation^2)."""
+    place = (near.places_px[picture] + 0.5) / stride - 0.5
+    square = (place**2).sum(1, keepdim=True)
+    return (
+        torch.cat([-square / 2, place, torch.full_like(square, -0.5)], 1) * (stride / near.deviation_px) ** 2
+    )
 
 
 class _Searched(Function):
@@ -93,17 +118,22 @@ class _Searched(Function):
 
     @staticmethod
     def forward(  # type: ignore[override]
-        ctx: Any, queries: Tensor, descriptors: Tensor, weights: Tensor, dtype: torch.dtype
+        ctx: Any,
+        queries: Tensor,
+        descriptors: Tensor,
+        weights: Tensor,
+        dtype: torch.dtype,
+        nearness: Tensor | None,
     ) -> tuple[Tensor, Tensor]:
         left, right = queries.to(dtype), descriptors.to(dtype)
         kept: list[Tensor] = []
         keep = kept if any(ctx.needs_input_grad) else None
-        shift = (left @ right[:, ::_EVERY]).amax(1)
-        sums = _sums(left, right, shift, weights, keep)
+        shift = _largest(left, right, weights, nearness, _EVERY)
+        sums = _sums(left, right, shift, weights, nearness, keep)
         if not bool(sums.isfinite().all() and (sums[:, 0] > _SMALLEST_SUM).all()):
             kept.clear()
-            shift = (left @ right).amax(1)
-            sums = _sums(left, right, shift, weights, keep)
+            shift = _largest(left, right, weights, nearness, 1)
+            sums = _sums(left, right, shift, weights, nearness, keep)
         places = sums[:, 1:] / sums[:, :1]
         ctx.save_for_backward(left, right, weights, sums[:, 0], places, *kept)
         return places, shift.to(sums.dtype) + sums[:, 0].log()
@@ -129,16 +159,42 @@ class _Searched(Function):
             piece = (factor @ weights[:, part]).mul_(numerators).to(right.dtype)
             by_left += piece @ right[:, part].T
             by_right[:, part] = left.T @ piece
-        return by_left, by_right, None, None
+        return by_left, by_right, None, None, None
 
 
-def _sums(left: Tensor, right: Tensor, shift: Tensor, weights: Tensor, keep: list[Tensor] | None) -> Tensor:
-    """Return (N, 3): the sums over samples of e times weights (3, P), e = exp(left right - shift), kept."""
+def _largest(left: Tensor, right: Tensor, weights: Tensor, nearness: Tensor | None, every: int) -> Tensor:
+    """Return (N,): the largest logit of every so many samples."""
+    logits = left @ right[:, ::every]
+    if nearness is not None:
+        logits = logits.to(weights.dtype) + nearness @ _terms(weights[:, ::every])
+    return logits.amax(1).to(left.dtype)
+
+
+def _terms(weights: Tensor) -> Tensor:
+    """Return (4, P): what `_nearness` is multiplied by, of (1, row, column) of P samples."""
+    return torch.cat([weights, (weights[1:] ** 2).sum(0, keepdim=True)])
+
+
+def _sums(
+    left: Tensor,
+    right: Tensor,
+    shift: Tensor,
+    weights: Tensor,
+    nearness: Tensor | None,
+    keep: list[Tensor] | None,
+) -> Tensor:
+    """Return (N, 3): the sums over samples of e times weights (3, P), e = exp(logits - shift), kept.
+
+    Logits are left right, and nearness times the samples' terms where it is given.
+    """
     total = weights.new_zeros(len(left), 3)
     # The shift goes into the product, so that in bfloat16 logits near the highest keep their digits.
     start = -shift[:, None]
     for part in _pieces(right):
-        numerators = torch.addmm(start, left, right[:, part]).to(weights.dtype).exp_()
+        numerators = torch.addmm(start, left, right[:, part]).to(weights.dtype)
+        if nearness is not None:
+            numerators.addmm_(nearness, _terms(weights[:, part]))
+        numerators.exp_()
         total += linear(numerators, weights[:, part])
         if keep is not None:
             keep.append(numerators.to(right.dtype))

@@ -25,7 +25,8 @@ class FollowSettings:
 
     keyframe_m, keyframe_rad: how far from its keyframe a scan may be before it is the next one [m], [rad];
     surprise_m, surprise_rad: by how much a pose may miss what was expected before its scan is shown anew,
-    where it was found; likely_m: the longest motion that is expected to go on [m].
+    where it was found; likely_m: the longest motion that is expected to go on [m]; within_m: how far from
+    where it is expected a match is looked for, as a standard deviation [m], once there is an expectation.
     """
 
     keyframe_m: float = 12.0
@@ -33,6 +34,7 @@ class FollowSettings:
     surprise_m: float = 0.5
     surprise_rad: float = 0.02
     likely_m: float = 15.0
+    within_m: float = 1.5
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -40,7 +42,9 @@ class FollowSettings:
                 raise ValueError(f"{name} must be 0 or more, got {value}")
 
 
-PAIRS_ALONE = FollowSettings(keyframe_m=0.0, likely_m=0.0, surprise_m=math.inf, surprise_rad=math.inf)
+PAIRS_ALONE = FollowSettings(
+    keyframe_m=0.0, likely_m=0.0, surprise_m=math.inf, surprise_rad=math.inf, within_m=math.inf
+)
 """Every pair by itself, as in the paper: both scans upright, neither keyframe nor expectation."""
 
 
@@ -130,10 +134,10 @@ class Follower:
         source = self.estimator.features(
             scan.codes, scan.bin_m, range_offset_m=scan.range_offset_m, shown_at=expected
         )
-        found = self._found(track, source, rolling)
+        found = self._found(track, source, rolling, expecting=track.motion is not None)
         if found.certain and self._is_surprise(expected.inverse().then(found.motion)):
             shown = self.estimator.shown(source, found.motion)
-            again = self._found(track, shown, rolling)
+            again = self._found(track, shown, rolling, expecting=True)
             if again.agreement >= found.agreement:
                 found, source = again, shown
         motion = track.before.pose.inverse().then(found.motion)
@@ -165,11 +169,17 @@ class Follower:
     def _is_surprise(self, off: PlaneMotion) -> bool:
         return off.length_m > self.settings.surprise_m or abs(off.yaw_rad) > self.settings.surprise_rad
 
-    def _found(self, track: Track, source: ScanFeatures, rolling: Rolling | None) -> PairEstimate:
+    def _found(
+        self, track: Track, source: ScanFeatures, rolling: Rolling | None, *, expecting: bool
+    ) -> PairEstimate:
         """Return the scan's pose in the keyframe's frame, and its matches with the scan before."""
         stops = [track.before] if track.keyframe is track.before else [track.keyframe, track.before]
+        within_m = self.settings.within_m if expecting and math.isfinite(self.settings.within_m) else None
         parts = [
-            Part(matches=self.estimator.matches(source, stop.searchable), stood_at=stop.pose.tensors())
+            Part(
+                matches=self.estimator.matches(source, stop.searchable, within_m=within_m),
+                stood_at=stop.pose.tensors(),
+            )
             for stop in stops
         ]
         return self.estimator.solve(parts, rolling)

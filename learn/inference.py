@@ -123,9 +123,15 @@ class Estimator:
         return Searchable(destination=into, shown_at=scan.shown_at)
 
     @torch.inference_mode()
-    def matches(self, source: ScanFeatures, into: Searchable) -> Matches:
-        """Return the matches of the source's keypoints, points each in its own scan's frame [m]."""
-        found = self.model.matches(source.seen.keypoints, into.destination, self.solving.matching)
+    def matches(self, source: ScanFeatures, into: Searchable, *, within_m: float | None = None) -> Matches:
+        """Return the matches of the source's keypoints, points each in its own scan's frame [m].
+
+        within_m: where both are shown in one frame, how far off in it a match is expected to be, as a
+        standard deviation [m]; None expects it anywhere alike.
+        """
+        found = self.model.matches(
+            source.seen.keypoints, into.destination, self.solving.matching, within_m=within_m
+        )
         return replace(
             found,
             source_m=source.shown_at.inverse().of_points(found.source_m),

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from echoscape.learn.descriptors import descriptors_at, embedding, sampled
-from echoscape.learn.fast_matching import DensePicture, dense_picture, fast_search
+from echoscape.learn.fast_matching import DensePicture, Near, dense_picture, fast_search
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.keypoints import Keypoints, cell_centres, expected_places, keypoints_at
 from echoscape.learn.matching import match_weights
@@ -156,11 +156,30 @@ class KeypointModel(nn.Module):
         return keypoints_at(centres.expand(maps[0].shape[0], -1, -1), maps, scores)
 
     def matches(
-        self, source: Keypoints, into: Destination, matching: Matching, truth: Motion | None = None
+        self,
+        source: Keypoints,
+        into: Destination,
+        matching: Matching,
+        truth: Motion | None = None,
+        *,
+        within_m: float | None = None,
     ) -> Matches:
-        """Look for the source's keypoints in destinations, prepared for the same matching."""
-        temperature = self.settings.temperature
-        found = fast_search(source.descriptors, into.dense, temperature=temperature, dtype=matching.dtype)
+        """Look for the source's keypoints in destinations, prepared for the same matching.
+
+        within_m: where pictures are shown in one frame, how far from its own place each is expected, as a
+        standard deviation [m]; None expects it anywhere alike.
+        """
+        near = None
+        if within_m is not None:
+            deviation_px = within_m / self.settings.image.pixel_m
+            near = Near(places_px=source.points_px, deviation_px=deviation_px)
+        found = fast_search(
+            source.descriptors,
+            into.dense,
+            temperature=self.settings.temperature,
+            dtype=matching.dtype,
+            near=near,
+        )
         places = found.places_px
         similarity = (source.descriptors * descriptors_at(into.maps, places)).sum(-1)
         matched = torch.ones_like(similarity) if into.scores is None else sampled(into.scores, places)[..., 0]

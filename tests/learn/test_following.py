@@ -40,6 +40,7 @@ class Seeing(Estimator):
         super().__init__(MODEL)
         self.poses, self.lean, self.blind = poses, lean, blind
         self.looks: list[tuple[int, PlaneMotion]] = []
+        self.within_m: list[float | None] = []
 
     def features(
         self,
@@ -61,7 +62,8 @@ class Seeing(Estimator):
     def searchable(self, scan: ScanFeatures) -> Searchable:
         return Searchable(destination=cast(Any, scan.seen), shown_at=scan.shown_at)
 
-    def matches(self, source: ScanFeatures, into: Searchable) -> Matches:
+    def matches(self, source: ScanFeatures, into: Searchable, *, within_m: float | None = None) -> Matches:
+        self.within_m.append(within_m)
         first, second = cast(int, source.seen), cast(int, into.destination)
         there = self.poses[first].inverse().of_points(spots())
         here = self.poses[second].inverse().of_points(spots())
@@ -193,6 +195,16 @@ def test_a_motion_that_no_car_keeps_up_is_not_expected_again() -> None:
     seeing = Seeing(way([PlaneMotion(x_m=30.0, y_m=0.0, yaw_rad=0.0), STILL]))
     followed(seeing)
     assert seeing.looks[-1][1] == STILL
+
+
+def test_matches_are_looked_for_nearby_once_there_is_an_expectation() -> None:
+    # The first pair is looked at twice, for it comes as a surprise; then there is an expectation.
+    seeing = Seeing(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2))
+    followed(seeing, FollowSettings(within_m=1.25))
+    assert seeing.within_m == [None, 1.25, 1.25, 1.25]
+    alone = Seeing(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2))
+    followed(alone, PAIRS_ALONE)
+    assert alone.within_m == [None, None]
 
 
 def test_pairs_alone_are_what_the_estimator_says_of_them() -> None:

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 from torch import Tensor
 
 from echoscape.learn.descriptors import dense_descriptors, descriptors_at, unit
-from echoscape.learn.fast_matching import Search, dense_picture, fast_search
-from echoscape.learn.matching import expected_matches, match_weights
+from echoscape.learn.fast_matching import Near, Search, dense_picture, fast_search
+from echoscape.learn.matching import expected_matches, match_weights, pixel_grid
 from echoscape.learn.unet import Maps
 from tests.learn.maps import drawn_maps, drawn_points
 
@@ -109,6 +109,36 @@ def test_the_log_of_the_softmax_denominator_is_that_of_the_plain_one_with_its_gr
     leaves = [queries, *maps]
     for mine, theirs in zip(_slopes(fast, leaves), _slopes(plain, leaves), strict=True):
         assert_allclose(mine, theirs, atol=1e-9 * float(theirs.abs().max()))
+
+
+@pytest.mark.parametrize(("stride", "deviation_px"), [(1, 3.0), (2, 5.0), (1, 0.4)])
+def test_an_expected_place_multiplies_the_softmax_by_a_normal_distribution(
+    stride: int, deviation_px: float
+) -> None:
+    queries, maps = _case(torch.float64)
+    expected = drawn_points(9, SIZE, dtype=torch.float64) + 2
+    picture = dense_picture(maps, stride=stride)
+    samples = pixel_grid(SIZE // stride, SIZE // stride, like=queries) * stride + (stride - 1) / 2
+    away_px = torch.cdist(expected, samples[None])
+    dense = dense_picture(maps, stride=stride).descriptors.flatten(2)
+    logits = T * (queries @ dense) - away_px**2 / (2 * deviation_px**2)
+    plain = logits.softmax(-1) @ samples
+    near = Near(places_px=expected, deviation_px=deviation_px)
+    fast = fast_search(queries, picture, temperature=T, dtype=torch.float64, near=near)
+    assert_allclose(fast.places_px.detach(), plain.detach(), atol=1e-8)
+    assert_allclose(fast.log_sums.detach(), logits.logsumexp(-1).detach(), atol=1e-8)
+    leaves = [queries, *maps]
+    for mine, theirs in zip(_slopes(fast.places_px, leaves), _slopes(plain, leaves), strict=True):
+        assert_allclose(mine, theirs, atol=1e-8 * float(theirs.abs().max()))
+
+
+def test_an_expected_place_far_from_any_likeness_is_found_in_low_precision_too() -> None:
+    queries, maps = _case(torch.float32)
+    expected = torch.full((1, 9, 2), 5.0)
+    near = Near(places_px=expected, deviation_px=0.3)
+    picture = dense_picture(maps)
+    found = fast_search(queries, picture, temperature=100.0, dtype=torch.bfloat16, near=near)
+    assert_allclose(found.places_px.detach(), expected, atol=0.5)
 
 
 @pytest.mark.parametrize("stride", [1, 2])
