@@ -38,15 +38,7 @@ def test_weights_are_small_and_tell_how_they_were_made(pixel_m: float, path: Pat
 
 
 @pytest.mark.skipif(not REAL_PAIR.is_dir(), reason="no ../shared/real/oxford-pair beside the checkout")
-@pytest.mark.parametrize(
-    "pixel_m",
-    [
-        0.3456,
-        pytest.param(
-            0.6912, marks=pytest.mark.xfail(reason="0.169 m: the motion found too short", strict=True)
-        ),
-    ],
-)
+@pytest.mark.parametrize("pixel_m", [0.6912, 0.3456])
 def test_a_real_pair_is_found_within_15_cm_and_a_third_of_a_degree(pixel_m: float) -> None:
     folder = open_folder(REAL_PAIR)
     weights = shipped_weights()[pixel_m]
