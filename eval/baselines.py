@@ -94,11 +94,19 @@ class FourierOdometry:
         return FourierFeatures(cells=cells, spectrum=spectrum, directions=directions)
 
     def start(self, scan: PolarScan) -> FourierFeatures:
-        """Return the scan's features."""
+        """Return the scan's features.
+
+        Raises:
+            PairFailed: see `features`.
+        """
         return self.features(scan)
 
     def follow(self, state: FourierFeatures, scan: PolarScan) -> tuple[PairMotion, FourierFeatures]:
-        """Return the motion since the scan before, and the scan's features."""
+        """Return the motion since the scan before, and the scan's features.
+
+        Raises:
+            PairFailed: see `features` and `motion`.
+        """
         later = self.features(scan)
         return self.motion(state, later), later
 

@@ -165,14 +165,13 @@ class _Walk(Generic[State]):
         """Go on to scan `index` and return what becomes of it and the one before."""
         before, failure = self._state, self._failure
         scan = self.read(index)
-        if scan is None:
-            failure = failure or self._failure
         start = time.perf_counter()
         motion = None
         if before is not None and scan is not None:
             motion, failure = self._motion(before, scan)
         if motion is None:
             self.begin(index, scan)
+            failure = self._failure or failure
             _LOG.warning("pair %d failed: %s", index - 1, failure)
         matches = None if motion is None or motion.matches is None else len(motion.matches.weights)
         # Some hundred points a pair would fill the memory of a long drive.

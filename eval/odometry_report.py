@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from echoscape.eval.estimator import Estimator, State
+from echoscape.eval.estimator import Estimator, PairFailed, State
 from echoscape.eval.odometry import Odometry
 from echoscape.eval.odometry_metrics import metrics, pair_errors
 from echoscape.eval.odometry_plots import matches_picture, pairs_picture, trajectory_picture
@@ -112,13 +112,16 @@ def _rows(odometry: Odometry) -> list[OdometryRow]:
 
 
 def _matches(odometry: Odometry, folder: ScanFolder, estimator: Estimator[State]) -> bytes | None:
-    """Return the picture of a pair that moved much, or None if all failed."""
+    """Return the picture of a pair that moved much, by its two scans alone; None if there is none."""
     found = np.flatnonzero(~odometry.failed)
     if not len(found):
         return None
     moved = np.hypot(odometry.motions[found, 0], odometry.motions[found, 1])
     index = int(found[np.argsort(moved, kind="stable")[int(_SHOWN * (len(found) - 1))]])
     earlier, later = folder.read(index), folder.read(index + 1)
-    motion, _ = estimator.follow(estimator.start(earlier), later)
+    try:
+        motion, _ = estimator.follow(estimator.start(earlier), later)
+    except PairFailed:
+        return None
     title = f"Pair {index + 1} of {len(odometry.pairs)}, {odometry.method}"
     return matches_picture(earlier, later, motion, title=title)

@@ -48,7 +48,7 @@ class Search:
     """What a search of N keypoints in B pictures says.
 
     places_px: (B, N, 2) expected row, column [px]; log_sums: (B, N), the logarithm of the sum over all
-    samples of exp(T q . d), the softmax's denominator.
+    samples of exp(T q . d), times the normal distribution where there is one: the softmax's denominator.
     """
 
     places_px: Tensor
@@ -76,6 +76,10 @@ class Near:
     places_px: Tensor
     deviation_px: float
 
+    def __post_init__(self) -> None:
+        if not self.deviation_px > 0:
+            raise ValueError(f"deviation_px must be above 0, got {self.deviation_px}")
+
 
 def fast_search(
     queries: Tensor,
@@ -88,7 +92,8 @@ def fast_search(
     """Look for descriptors (B, N, 248) of unit length in pictures, with gradients.
 
     The places are those of `matching.expected_matches` on the picture's grid; dtype: of the products, whose
-    sums stay float32; near: a normal distribution that the softmax is multiplied by, none by default.
+    sums stay float32; near: a normal distribution that the softmax is multiplied by, none by default; it has
+    no gradient.
     """
     rows, columns = picture.descriptors.shape[-2:]
     grid = pixel_grid(rows, columns, like=queries)

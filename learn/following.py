@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures, Searchable
 from echoscape.learn.plane_motion import STILL, PlaneMotion
-from echoscape.learn.rolling import Part, Rolling
+from echoscape.learn.rolling import Part, Rolling, Twist, twist_between
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,8 +25,9 @@ class FollowSettings:
 
     keyframe_m, keyframe_rad: how far from its keyframe a scan may be before it is the next one [m], [rad];
     surprise_m, surprise_rad: by how much a pose may miss what was expected before its scan is shown anew,
-    where it was found; likely_m: the longest motion that is expected to go on [m]; within_m: how far from
-    where it is expected a match is looked for, as a standard deviation [m], once there is an expectation.
+    where it was found; likely_m, likely_rad: the largest motion that is expected to go on [m], [rad];
+    within_m: how far from where it is expected a match is looked for, as a standard deviation [m], above 0,
+    once there is an expectation.
     """
 
     keyframe_m: float = 12.0
@@ -34,16 +35,24 @@ class FollowSettings:
     surprise_m: float = 0.5
     surprise_rad: float = 0.02
     likely_m: float = 15.0
+    likely_rad: float = 0.5
     within_m: float = 1.5
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not value >= 0:
                 raise ValueError(f"{name} must be 0 or more, got {value}")
+        if self.within_m == 0:
+            raise ValueError("within_m must be above 0, got 0")
 
 
 PAIRS_ALONE = FollowSettings(
-    keyframe_m=0.0, likely_m=0.0, surprise_m=math.inf, surprise_rad=math.inf, within_m=math.inf
+    keyframe_m=0.0,
+    likely_m=0.0,
+    likely_rad=0.0,
+    surprise_m=math.inf,
+    surprise_rad=math.inf,
+    within_m=math.inf,
 )
 """Every pair by itself, as in the paper: both scans upright, neither keyframe nor expectation."""
 
@@ -65,11 +74,15 @@ class Scan:
 
 @dataclass(frozen=True, kw_only=True)
 class _Stop:
-    """A scan on the way: what is kept of it, ready to be searched, and its pose in the keyframe's frame."""
+    """A scan on the way: what is kept of it, ready to be searched, and its pose in the keyframe's frame.
+
+    twist: of a keyframe, its velocities, None where nothing is known of them.
+    """
 
     features: ScanFeatures
     searchable: Searchable
     pose: PlaneMotion
+    twist: Twist | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,11 +143,12 @@ class Follower:
         rolling = None
         if self._doppler_beta_s is not None:
             rolling = Rolling(turn_s=scan.turn_s, doppler_beta_s=self._doppler_beta_s, gap_s=gap_s)
-        expected = track.before.pose.then(self._expected(track, gap_s))
+        going_on = self._expected(track, gap_s)
+        expected = track.before.pose.then(going_on or STILL)
         source = self.estimator.features(
             scan.codes, scan.bin_m, range_offset_m=scan.range_offset_m, shown_at=expected
         )
-        found = self._found(track, source, rolling, expecting=track.motion is not None)
+        found = self._found(track, source, rolling, expecting=going_on is not None)
         if found.certain and self._is_surprise(expected.inverse().then(found.motion)):
             shown = self.estimator.shown(source, found.motion)
             again = self._found(track, shown, rolling, expecting=True)
@@ -155,16 +169,21 @@ class Follower:
         if pose.length_m < reach.keyframe_m and abs(pose.yaw_rad) < reach.keyframe_rad:
             return track
         keyframe = self._keyframe(track.before.features)
+        if track.motion is not None and track.motion[1] > 0:
+            motion, took_s = track.motion
+            keyframe = replace(keyframe, twist=twist_between(motion.tensors(), took_s))
         return replace(track, keyframe=keyframe, before=keyframe)
 
-    def _expected(self, track: Track, gap_s: float) -> PlaneMotion:
-        """Return the motion of a car that goes on as it went, none where nothing is known."""
+    def _expected(self, track: Track, gap_s: float) -> PlaneMotion | None:
+        """Return the motion of a car that goes on as it went, None where nothing is to be expected."""
         if track.motion is None:
-            return STILL
+            return None
         motion, took_s = track.motion
         ratio = gap_s / took_s if took_s > 0 and gap_s > 0 and math.isfinite(gap_s) else 1.0
         going_on = motion.times(ratio)
-        return going_on if going_on.length_m <= self.settings.likely_m else STILL
+        likely = self.settings
+        within = going_on.length_m <= likely.likely_m and abs(going_on.yaw_rad) <= likely.likely_rad
+        return going_on if within else None
 
     def _is_surprise(self, off: PlaneMotion) -> bool:
         return off.length_m > self.settings.surprise_m or abs(off.yaw_rad) > self.settings.surprise_rad
@@ -179,6 +198,7 @@ class Follower:
             Part(
                 matches=self.estimator.matches(source, stop.searchable, within_m=within_m),
                 stood_at=stop.pose.tensors(),
+                twist=stop.twist if stop is not track.before else None,
             )
             for stop in stops
         ]

@@ -193,7 +193,9 @@ class Estimator:
 
     def _seen(self, cells: NDArray[np.uint8], shown_at: PlaneMotion) -> ScanFeatures:
         """Return what the network says of range cells, shown at a pose."""
-        projector = self._projectors.setdefault(len(cells), Projector(self.model.settings.image, len(cells)))
+        if len(cells) not in self._projectors:
+            self._projectors[len(cells)] = Projector(self.model.settings.image, len(cells))
+        projector = self._projectors[len(cells)]
         shift_m = (shown_at.x_m, shown_at.y_m)
         picture = projector.image(cells, turn_rad=shown_at.yaw_rad, shift_m=shift_m)[None]
         with torch.autocast("cpu", self.solving.network, enabled=self.solving.network != torch.float32):

@@ -83,10 +83,14 @@ def at_middle(points_m: Tensor, twist: Twist, rolling: Rolling) -> Tensor:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """Matches of one source with one destination, and where that stood in the frame of the answer."""
+    """Matches of one source with one destination, and where that stood in the frame of the answer.
+
+    twist: the destination's velocities, None for those that lead from the last part's to the source.
+    """
 
     matches: Matches
     stood_at: Motion
+    twist: Twist | None = None
 
 
 def solved(
@@ -95,15 +99,15 @@ def solved(
     """Return the motion of one source by all of its matches, and the parts with their points at mid-scan.
 
     scale_m: of `robust_motion`; None for least squares of all. With `rolling`, the motion of points as they
-    are gives the velocities, those of the source against the last part's destination, which all are taken to
-    have had; those move the points, and so on, thrice: each round leaves about a thousandth of the error
-    before it. Without it, points are taken as they are.
+    are gives the velocities, those from the last part's destination to the source; they move the points of
+    both, and of other destinations whose own are not known, and so on, thrice: each round leaves about a
+    thousandth of the error before it. Without it, points are taken as they are.
     """
     seen, motion = tuple(parts), _joint(parts, scale_m)
     for _ in range(_ROUNDS if rolling is not None else 0):
         assert rolling is not None
         twist = twist_between(relative(parts[-1].stood_at, motion), rolling.gap_s)
-        seen = tuple(replace(part, matches=_rolled(part.matches, twist, rolling)) for part in parts)
+        seen = tuple(replace(part, matches=_rolled(part, twist, rolling)) for part in parts)
         motion = _joint(seen, scale_m)
     return motion, seen
 
@@ -125,11 +129,13 @@ def _joint(parts: Sequence[Part], scale_m: float | None) -> Motion:
     return together.motion(robust_scale_m=scale_m)
 
 
-def _rolled(matches: Matches, twist: Twist, rolling: Rolling) -> Matches:
-    source_m, destination_m = (
-        at_middle(each, twist, rolling) for each in (matches.source_m, matches.destination_m)
+def _rolled(part: Part, twist: Twist, rolling: Rolling) -> Matches:
+    """Return a part's matches with the source's points moved by a twist, the others by their own."""
+    return replace(
+        part.matches,
+        source_m=at_middle(part.matches.source_m, twist, rolling),
+        destination_m=at_middle(part.matches.destination_m, part.twist or twist, rolling),
     )
-    return replace(matches, source_m=source_m, destination_m=destination_m)
 
 
 def _moved(twist: Twist, time_s: Tensor) -> tuple[Tensor, Tensor]:

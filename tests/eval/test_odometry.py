@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from echoscape.eval.estimator import Matches, PairMotion
+from echoscape.eval.estimator import Matches, PairFailed, PairMotion
 from echoscape.eval.odometry import Odometry, run_odometry
 from echoscape.eval.odometry_metrics import metrics, pair_errors, stretches
 from echoscape.eval.odometry_report import write_odometry_report
@@ -18,6 +18,7 @@ from echoscape.sim.folders import open_folder
 from echoscape.sim.layout import ScanRecord
 from echoscape.sim.mulran import MulRan
 from echoscape.sim.oxford import read_odometry
+from echoscape.sim.polar_scan import PolarScan
 from echoscape.sim.whole_files import DatasetError
 from tests.eval.drives import LAST_ROW_US, START_US, TINY, TURN_US, Knowing, opened, square, write_drive
 
@@ -102,6 +103,35 @@ def test_scan_that_cannot_be_read_fails_both_its_pairs_and_keeps_its_place(tmp_p
     assert odometry.failed.tolist() == [False, False, True, True, False]
     assert str(broken) in (odometry.pairs[2].failure or "")
     assert odometry.middle_us[3] == START_US + 3 * TURN_US + LAST_ROW_US // 2
+
+
+def test_scans_that_cannot_be_read_in_a_row_and_at_the_start_are_told_each(tmp_path: Path) -> None:
+    folder = write_drive(tmp_path, [(1.0, 0.0, 0.0)] * 6)
+    drive = opened(folder)
+    for number in (0, 3, 4):
+        (folder / "radar" / f"{START_US + number * TURN_US}.png").write_bytes(b"nothing")
+    odometry = run_odometry(drive, Knowing([(1.0, 0.0, 0.0)] * 6))
+    assert odometry.failed.tolist() == [True, False, True, True, True, False]
+    for pair, number in ((0, 0), (2, 3), (3, 4), (4, 4)):
+        assert str(START_US + number * TURN_US) in (odometry.pairs[pair].failure or "")
+
+
+def test_a_pair_that_only_the_drive_could_solve_leaves_no_picture_of_matches(tmp_path: Path) -> None:
+    class Remembering(Knowing):
+        """Fails right after a start but for the drive's first pair."""
+
+        def follow(self, state: int, scan: PolarScan) -> tuple[PairMotion, int]:
+            if len(self.seen) > 6:
+                raise PairFailed("nothing to go by")
+            return super().follow(state, scan)
+
+    folder, out = write_drive(tmp_path / "set", [(1.0, 0.0, 0.0)] * 5), tmp_path / "out"
+    estimator = Remembering([(1.0, 0.0, 0.0)] * 5)
+    odometry = run(folder, estimator)
+    assert not odometry.failed.any()
+    write_odometry_report(out, odometry, opened(folder), estimator)
+    assert (out / "metrics.json").is_file()
+    assert not (out / "matches.png").exists()
 
 
 def test_motion_that_is_no_number_is_a_failure(tmp_path: Path) -> None:

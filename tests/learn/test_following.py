@@ -12,12 +12,13 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
+from echoscape.learn.fast_matching import Near
 from echoscape.learn.following import PAIRS_ALONE, Follower, FollowSettings, Scan
 from echoscape.learn.image import ImageSettings
-from echoscape.learn.inference import Estimator, ScanFeatures, Searchable
+from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures, Searchable
 from echoscape.learn.model import Matches, ModelSettings
 from echoscape.learn.plane_motion import STILL, PlaneMotion
-from echoscape.learn.rolling import RollingError
+from echoscape.learn.rolling import Part, Rolling, RollingError
 from echoscape.learn.train import initial_model
 
 GAP_S = 0.25
@@ -41,6 +42,14 @@ class Seeing(Estimator):
         self.poses, self.lean, self.blind = poses, lean, blind
         self.looks: list[tuple[int, PlaneMotion]] = []
         self.within_m: list[float | None] = []
+        self.offsets: set[float] = set()
+        self.rollings: list[Rolling | None] = []
+        self.parts: list[Sequence[Part]] = []
+
+    def solve(self, parts: Sequence[Part], rolling: Rolling | None = None) -> PairEstimate:
+        self.parts.append(parts)
+        self.rollings.append(rolling)
+        return super().solve(parts, rolling)
 
     def features(
         self,
@@ -52,6 +61,7 @@ class Seeing(Estimator):
     ) -> ScanFeatures:
         number = int(codes[0, 0])
         self.looks.append((number, shown_at))
+        self.offsets.add(range_offset_m)
         return ScanFeatures(seen=cast(Any, number), cells=codes, shown_at=shown_at)
 
     def shown(self, scan: ScanFeatures, shown_at: PlaneMotion) -> ScanFeatures:
@@ -191,10 +201,57 @@ def test_keyframes_come_where_the_last_is_out_of_reach() -> None:
     assert [number for number, _ in turning.looks] == [0, 1, 2, 2, 3, 4]
 
 
-def test_a_motion_that_no_car_keeps_up_is_not_expected_again() -> None:
-    seeing = Seeing(way([PlaneMotion(x_m=30.0, y_m=0.0, yaw_rad=0.0), STILL]))
+@pytest.mark.parametrize(
+    "motion", [PlaneMotion(x_m=30.0, y_m=0.0, yaw_rad=0.0), PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=0.6)]
+)
+def test_a_motion_that_no_car_keeps_up_is_not_expected_again(motion: PlaneMotion) -> None:
+    seeing = Seeing(way([motion, STILL]))
     followed(seeing)
     assert seeing.looks[-1][1] == STILL
+    assert seeing.within_m[-1] is None
+
+
+def test_a_turn_is_a_surprise_too() -> None:
+    seeing = Seeing(way([PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=0.1)]))
+    followed(seeing)
+    assert [number for number, _ in seeing.looks] == [0, 1, 1]
+
+
+def test_a_second_look_that_agrees_less_is_not_taken() -> None:
+    class Dim(Seeing):
+        """Sees half of the second look's matches in wrong places."""
+
+        def matches(
+            self, source: ScanFeatures, into: Searchable, *, within_m: float | None = None
+        ) -> Matches:
+            found = super().matches(source, into, within_m=within_m)
+            if source.shown_at.x_m > 1:
+                found.destination_m[:, ::2, 1] += 9
+                found.destination_m[:, 1::2, 0] -= 1
+            return found
+
+    found = followed(Dim(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)])))
+    assert found[-1].x_m == pytest.approx(2.0, abs=1e-3)
+
+
+def test_every_scan_comes_with_its_offset_and_pairs_with_their_times() -> None:
+    seeing = Seeing(drive(4))
+    follower = Follower(seeing, doppler_beta_s=0.05)
+    track = follower.start(replace(scan(0), range_offset_m=-0.3))
+    follower.follow(track, replace(scan(1), range_offset_m=-0.3, turn_s=0.2))
+    assert seeing.offsets == {-0.3}
+    assert seeing.rollings == [Rolling(turn_s=0.2, doppler_beta_s=0.05, gap_s=GAP_S)]
+
+
+def test_a_keyframe_keeps_the_velocity_that_it_was_seen_at() -> None:
+    motion = PlaneMotion(x_m=1.0, y_m=0.0, yaw_rad=0.0)
+    seeing = Seeing(way([motion] * 6))
+    followed(seeing, FollowSettings(keyframe_m=2.5, surprise_m=math.inf))
+    first, *_, last = (parts for parts in seeing.parts if len(parts) == 2)
+    assert first[0].twist is None  # nothing was known of the first scan
+    assert last[0].twist is not None
+    assert_allclose(last[0].twist.velocity_mps, [[1 / GAP_S, 0]], atol=1e-3)
+    assert last[1].twist is None
 
 
 def test_matches_are_looked_for_nearby_once_there_is_an_expectation() -> None:
@@ -245,3 +302,10 @@ def test_scans_of_one_time_cannot_be_compensated() -> None:
 def test_settings_that_cannot_be_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name} must be 0 or more, got nan"):
         replace(FollowSettings(), **{name: math.nan})
+
+
+def test_no_place_at_all_to_look_at_is_refused() -> None:
+    with pytest.raises(ValueError, match="within_m must be above 0"):
+        FollowSettings(within_m=0.0)
+    with pytest.raises(ValueError, match="deviation_px must be above 0"):
+        Near(places_px=torch.zeros(1, 1, 2), deviation_px=0.0)

@@ -14,6 +14,7 @@ from echoscape.learn.inference import Estimator, Solving, folded, quick_solving
 from echoscape.learn.keypoints import keypoints_at
 from echoscape.learn.model import KeypointModel, Matching, ModelSettings, destination_of
 from echoscape.learn.pixels import pixels_of_metres
+from echoscape.learn.plane_motion import PlaneMotion
 from echoscape.learn.pose import Motion, moved, rotation_of_yaw
 from echoscape.learn.train import initial_model
 from echoscape.learn.unet import CHANNELS, Maps
@@ -176,6 +177,22 @@ def test_headings_find_a_source_that_was_turned() -> None:
     assert_allclose([found.x_m, found.y_m, found.yaw_rad], [0, 0, math.pi / 2], atol=0.03 * PIXEL_M)
     with pytest.raises(ValueError, match="headings must be 1 or more, got 0"):
         estimator.estimate_any_heading(source, destination, headings=0)
+
+
+def test_matches_are_told_in_the_scans_own_frames_wherever_pictures_show_them() -> None:
+    settings = ModelSettings(image=SETTINGS.image, temperature=3000.0, location_head=False, score_head=False)
+    codes = _codes()
+    estimator = Estimator(_used_to(codes, settings), Solving(robust=False))
+    there = PlaneMotion(x_m=6 * PIXEL_M, y_m=-3 * PIXEL_M, yaw_rad=math.pi / 2)
+    source = estimator.features(np.roll(codes, -100, 0), BIN_M)
+    destination = estimator.features(codes, BIN_M, shown_at=there)
+    # Both show the world alike once the source, a quarter on, is shown a quarter further.
+    quarter = PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=math.pi / 2)
+    shown = estimator.shown(source, there.then(quarter))
+    found = estimator.estimate(shown, destination).motion
+    assert_allclose([found.x_m, found.y_m, found.yaw_rad], [0, 0, math.pi / 2], atol=0.1 * PIXEL_M)
+    matches = estimator.matches(shown, estimator.searchable(destination), within_m=0.01 * PIXEL_M)
+    assert_allclose(matches.destination_m, quarter.of_points(matches.source_m), atol=0.6 * PIXEL_M)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from echoscape.learn.model import Matches
-from echoscape.learn.plane_motion import STILL
+from echoscape.learn.plane_motion import STILL, PlaneMotion
 from echoscape.learn.pose import Motion, rotation_of_yaw
 from echoscape.learn.rolling import Part, Rolling, Twist, at_middle, solved, twist_between
 
@@ -124,6 +124,43 @@ def test_the_motion_between_rolling_scans_is_exact_at_steady_velocity(
     )
     assert_allclose(found.translation_m[0], expected[:2, 2], atol=1e-4)
     assert_allclose(found.rotation[0], expected[:2, :2], atol=1e-5)
+
+
+def test_a_keyframe_that_was_seen_at_another_velocity_is_put_right_by_its_own() -> None:
+    """The car turned when it saw the keyframe, far off by now, and goes straight on."""
+    turning, straight = (8.0, 0.0, 0.4), (8.0, 0.0, 0.0)
+    spots = _spots()
+    # The keyframe stands at the origin, the scan before at 3 m and a turn, the source one gap after it.
+    before = np.array([[math.cos(0.3), -math.sin(0.3), 3.0], [math.sin(0.3), math.cos(0.3), 0.5], [0, 0, 1]])
+    source = before @ _pose(straight, GAP_S)
+
+    def away(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (np.linalg.inv(pose) @ np.c_[spots, np.ones(len(spots))].T)[:2].T
+
+    clear = [np.abs(np.arctan2(*away(pose).T[::-1])) > 0.3 for pose in (np.eye(3), before, source)]
+    kept = np.logical_and.reduce(clear)
+    seen = {
+        "key": np.stack([_seen(spot, turning) for spot in spots[kept]]),
+        "before": np.stack([_seen(spot, straight) for spot in away(before)[kept]]),
+        "source": np.stack([_seen(spot, straight) for spot in away(source)[kept]]),
+    }
+    weights = torch.ones(1, int(kept.sum()), dtype=torch.float64)
+    stood = PlaneMotion(x_m=3.0, y_m=0.5, yaw_rad=0.3).tensors(torch.float64)
+    twist = Twist(velocity_mps=torch.tensor([turning[:2]]), yaw_rate_rps=torch.tensor([turning[2]]))
+    parts = [
+        Part(
+            matches=Matches(
+                source_m=_tensor(seen["source"]), destination_m=_tensor(seen[name]), weights=weights
+            ),
+            stood_at=pose,
+            twist=own,
+        )
+        for name, pose, own in (("key", STILL.tensors(torch.float64), twist), ("before", stood, None))
+    ]
+    rolling = Rolling(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
+    found, _ = solved(parts, rolling=rolling)
+    assert_allclose(found.translation_m[0], source[:2, 2], atol=1e-3)
+    assert_allclose(found.rotation[0], source[:2, :2], atol=1e-4)
 
 
 def test_points_taken_as_they_are_are_off_where_the_car_turns() -> None:
