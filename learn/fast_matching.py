@@ -23,6 +23,8 @@ STRIDES = (1, 2)
 _SMALLEST_SUM = 1e-20
 _PIECE = 1280
 """Samples whose similarities with 400 keypoints (2 MB) stay in the processor's cache."""
+_LEAST_LOGIT = -60.0
+"""e to this adds nothing; a little less would be a subnormal number, which processors are slow with."""
 _EVERY = 15
 """Every how many samples the softmax's shift is looked for first."""
 
@@ -199,7 +201,7 @@ def _sums(
         numerators = torch.addmm(start, left, right[:, part]).to(weights.dtype)
         if nearness is not None:
             numerators.addmm_(nearness, _terms(weights[:, part]))
-        numerators.exp_()
+        numerators.clamp_(min=_LEAST_LOGIT).exp_()
         total += linear(numerators, weights[:, part])
         if keep is not None:
             keep.append(numerators.to(right.dtype))
