@@ -50,11 +50,14 @@ class Search:
     """What a search of N keypoints in B pictures says.
 
     places_px: (B, N, 2) expected row, column [px]; log_sums: (B, N), the logarithm of the sum over all
-    samples of exp(T q . d), times the normal distribution where there is one: the softmax's denominator.
+    samples of exp(T q . d), times the normal distribution where there is one: the softmax's denominator;
+    spread_px2: (B, N, 2, 2), where it was asked for, the softmax's covariance of row, column [px^2], which
+    has no gradient.
     """
 
     places_px: Tensor
     log_sums: Tensor
+    spread_px2: Tensor | None = None
 
 
 def dense_picture(maps: Maps, *, stride: int = 1) -> DensePicture:
@@ -82,6 +85,10 @@ class Near:
         if not self.deviation_px > 0:
             raise ValueError(f"deviation_px must be above 0, got {self.deviation_px}")
 
+    def log_density(self, places_px: Tensor) -> Tensor:
+        """Return (B, N): the logarithm of what the softmax is multiplied by at places (B, N, 2)."""
+        return -((places_px - self.places_px) ** 2).sum(-1) / (2 * self.deviation_px**2)
+
 
 def fast_search(
     queries: Tensor,
@@ -90,25 +97,39 @@ def fast_search(
     temperature: float,
     dtype: torch.dtype = torch.float32,
     near: Near | None = None,
+    spread: bool = False,
 ) -> Search:
     """Look for descriptors (B, N, 248) of unit length in pictures, with gradients.
 
     The places are those of `matching.expected_matches` on the picture's grid; dtype: of the products, whose
     sums stay float32; near: a normal distribution that the softmax is multiplied by, none by default; it has
-    no gradient.
+    no gradient; spread: whether the softmax's covariance is asked for as well.
     """
     rows, columns = picture.descriptors.shape[-2:]
-    grid = pixel_grid(rows, columns, like=queries)
-    weights = torch.cat([torch.ones_like(grid[:, :1]), grid], 1).T.contiguous()
-    places, log_sums = [], []
+    weights = _moments_of_samples(pixel_grid(rows, columns, like=queries), squares=spread)
+    places, log_sums, spreads = [], [], []
     for i, (query, descriptors) in enumerate(zip(queries, picture.descriptors, strict=True)):
         nearness = None if near is None else _nearness(near, i, picture.stride)
-        place, log_sum = _Searched.apply(
+        place, log_sum, squares = _Searched.apply(
             temperature * query, descriptors.flatten(1), weights, dtype, nearness
         )
         places.append((place + 0.5) * picture.stride - 0.5)
         log_sums.append(log_sum)
-    return Search(places_px=torch.stack(places), log_sums=torch.stack(log_sums))
+        spreads.append(squares * picture.stride**2)
+    return Search(
+        places_px=torch.stack(places),
+        log_sums=torch.stack(log_sums),
+        spread_px2=torch.stack(spreads) if spread else None,
+    )
+
+
+def _moments_of_samples(grid: Tensor, *, squares: bool) -> Tensor:
+    """Return (3, P): 1, row, column of samples (P, 2); with squares (6, P), products about the middle too."""
+    parts = [torch.ones_like(grid[:, :1]), grid]
+    if squares:
+        row, column = (grid - grid.mean(0)).unbind(1)
+        parts.append(torch.stack([row**2, row * column, column**2], 1))
+    return torch.cat(parts, 1).T.contiguous()
 
 
 def _nearness(near: Near, picture: int, stride: int) -> Tensor:
@@ -121,7 +142,10 @@ def _nearness(near: Near, picture: int, stride: int) -> Tensor:
 
 
 class _Searched(Function):
-    """Softmax of queries (N, K) times descriptors (K, P): expected place in samples, and log sum."""
+    """Softmax of queries (N, K) times descriptors (K, P): expected place in samples, log sum, covariance.
+
+    The covariance (N, 2, 2) is empty where the samples' moments hold no squares.
+    """
 
     @staticmethod
     def forward(  # type: ignore[override]
@@ -131,7 +155,7 @@ class _Searched(Function):
         weights: Tensor,
         dtype: torch.dtype,
         nearness: Tensor | None,
-    ) -> tuple[Tensor, Tensor]:
+    ) -> tuple[Tensor, Tensor, Tensor]:
         left, right = queries.to(dtype), descriptors.to(dtype)
         kept: list[Tensor] = []
         keep = kept if any(ctx.needs_input_grad) else None
@@ -141,14 +165,17 @@ class _Searched(Function):
             kept.clear()
             shift = _largest(left, right, weights, nearness, 1)
             sums = _sums(left, right, shift, weights, nearness, keep)
-        places = sums[:, 1:] / sums[:, :1]
-        ctx.save_for_backward(left, right, weights, sums[:, 0], places, *kept)
-        return places, shift.to(sums.dtype) + sums[:, 0].log()
+        means = sums[:, 1:] / sums[:, :1]
+        places = means[:, :2].contiguous()
+        ctx.save_for_backward(left, right, weights[:3], sums[:, 0], places, *kept)
+        spread = _covariance(places - weights[1:3].mean(1), means[:, 2:])
+        ctx.mark_non_differentiable(spread)
+        return places, shift.to(sums.dtype) + sums[:, 0].log(), spread
 
     @staticmethod
     @once_differentiable
     def backward(  # type: ignore[override]
-        ctx: Any, slope: Tensor, log_slope: Tensor
+        ctx: Any, slope: Tensor, log_slope: Tensor, _: Tensor
     ) -> tuple[Tensor | None, ...]:
         """Return the derivatives by queries and descriptors.
 
@@ -169,6 +196,17 @@ class _Searched(Function):
         return by_left, by_right, None, None, None
 
 
+def _covariance(mean: Tensor, squares: Tensor) -> Tensor:
+    """Return (N, 2, 2) of means (N, 2) and mean products (N, 3) of row and column about the same point."""
+    if squares.shape[1] == 0:
+        return squares.new_empty(len(mean), 0)
+    row, column = mean.unbind(1)
+    row_row, row_column, column_column = (squares - torch.stack([row**2, row * column, column**2], 1)).unbind(
+        1
+    )
+    return torch.stack([row_row, row_column, row_column, column_column], 1).unflatten(1, (2, 2))
+
+
 def _largest(left: Tensor, right: Tensor, weights: Tensor, nearness: Tensor | None, every: int) -> Tensor:
     """Return (N,): the largest logit of every so many samples."""
     logits = left @ right[:, ::every]
@@ -179,7 +217,7 @@ def _largest(left: Tensor, right: Tensor, weights: Tensor, nearness: Tensor | No
 
 def _terms(weights: Tensor) -> Tensor:
     """Return (4, P): what `_nearness` is multiplied by, of (1, row, column) of P samples."""
-    return torch.cat([weights, (weights[1:] ** 2).sum(0, keepdim=True)])
+    return torch.cat([weights[:3], (weights[1:3] ** 2).sum(0, keepdim=True)])
 
 
 def _sums(
@@ -190,11 +228,11 @@ def _sums(
     nearness: Tensor | None,
     keep: list[Tensor] | None,
 ) -> Tensor:
-    """Return (N, 3): the sums over samples of e times weights (3, P), e = exp(logits - shift), kept.
+    """Return (N, M): the sums over samples of e times weights (M, P), e = exp(logits - shift), kept.
 
     Logits are left right, and nearness times the samples' terms where it is given.
     """
-    total = weights.new_zeros(len(left), 3)
+    total = weights.new_zeros(len(left), len(weights))
     # The shift goes into the product, so that in bfloat16 logits near the highest keep their digits.
     start = -shift[:, None]
     for part in _pieces(right):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures, Searchable
 from echoscape.learn.plane_motion import STILL, PlaneMotion
+from echoscape.learn.precision import WITHIN_M
 from echoscape.learn.rolling import Part, Rolling, Twist, twist_between
 
 
@@ -36,7 +37,7 @@ class FollowSettings:
     surprise_rad: float = 0.02
     likely_m: float = 15.0
     likely_rad: float = 0.5
-    within_m: float = 1.5
+    within_m: float = WITHIN_M
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

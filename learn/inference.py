@@ -17,8 +17,9 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 from echoscape.learn.image import Projector, range_cells
 from echoscape.learn.model import Destination, Features, KeypointModel, Matches, Matching, destination_of
 from echoscape.learn.plane_motion import STILL, PlaneMotion, plane_motion_of
-from echoscape.learn.pose import ROBUST_SCALE_PX, Motion, moved, residuals_m
-from echoscape.learn.rolling import Part, Rolling, solved
+from echoscape.learn.pose import ROBUST_SCALE_PX, Motion
+from echoscape.learn.precision import turned_precision
+from echoscape.learn.rolling import Part, Rolling, relative, solved
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,6 +137,9 @@ class Estimator:
             found,
             source_m=source.shown_at.inverse().of_points(found.source_m),
             destination_m=into.shown_at.inverse().of_points(found.destination_m),
+            precision=None
+            if found.precision is None
+            else turned_precision(found.precision, into.shown_at.inverse().tensors().rotation),
         )
 
     @torch.inference_mode()
@@ -209,9 +213,8 @@ class Estimator:
 
 def _agreement(part: Part, motion: Motion, scale_m: float) -> float:
     """Return the weight of the matches that a motion explains."""
-    found = part.matches
-    off = residuals_m(found.source_m, moved(found.destination_m, part.stood_at), motion) / scale_m
-    return float((found.weights * torch.exp(-0.5 * off**2)).sum())
+    off = part.matches.errors_m(relative(part.stood_at, motion)) / scale_m
+    return float((part.matches.weights * torch.exp(-0.5 * off**2)).sum())
 
 
 def folded(model: KeypointModel) -> KeypointModel:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from echoscape.learn.model import Matches
-from echoscape.learn.pose import Motion, residuals_m, shares
+from echoscape.learn.pose import Motion, shares
 
 ALPHA_M = 10.0
 """Weight of the rotation's error [m]."""
@@ -35,7 +35,7 @@ def match_loss(matches: Matches, truth: Motion) -> Tensor:
     The weights are given: this loss teaches places alone. (Taught by it, they would gather on the one best
     match, which says nothing of the rotation.)
     """
-    distance_m = residuals_m(matches.source_m, matches.destination_m, truth)
+    distance_m = matches.errors_m(truth)
     return (shares(matches.weights.detach()) * distance_m).sum(1)
 
 
@@ -60,7 +60,7 @@ def score_loss(matches: Matches, truth: Motion, *, scale_m: float) -> Tensor:
     A match e off is right by exp(-e^2 / (2 scale_m^2)), so that a weight becomes the chance that its match is
     a right one, each for itself. Places are given: this loss teaches weights alone.
     """
-    distance_m = residuals_m(matches.source_m, matches.destination_m, truth).detach()
+    distance_m = matches.errors_m(truth).detach()
     right = torch.exp(-0.5 * (distance_m / scale_m) ** 2)
     weights = matches.weights.clamp(_SMALLEST_WEIGHT, 1 - _SMALLEST_DOUBT)
     return -(right * weights.log() + (1 - right) * torch.log1p(-weights)).mean(1)

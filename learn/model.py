@@ -17,7 +17,16 @@ from echoscape.learn.keypoints import Keypoints, cell_centres, expected_places, 
 from echoscape.learn.matching import match_weights
 from echoscape.learn.pixels import metres_of_pixels, pixels_of_metres
 from echoscape.learn.pose import Motion, motion_of_matches, moved, robust_motion
+from echoscape.learn.precision import (
+    motion_by_precision,
+    precision_of_pixels,
+    weighed_squares,
+    without_expectation,
+)
 from echoscape.learn.unet import Decoder, Encoder, Maps, Pooling
+
+_SMALLEST_M = 1e-6
+"""What a distance is not told from, so that its gradient is finite [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,22 +94,38 @@ class Matches:
 
     source_m, destination_m: (B, N, 2) forward, right [m], each in its own frame; weights: (B, N); surprisal:
     (B, N), where the true motion was given: cross entropy [nat] of the matching softmax with the samples
-    around each keypoint's true place, 0 for those that are outside the destination.
+    around each keypoint's true place, 0 for those that are outside the destination; precision:
+    (B, N, 2, 2), where matches were looked for near where they were expected: how much a destination says by
+    direction, see `precision`; the expectation is taken out of both.
     """
 
     source_m: Tensor
     destination_m: Tensor
     weights: Tensor
     surprisal: Tensor | None = None
+    precision: Tensor | None = None
 
     def motion(self, *, robust_scale_m: float | None = None) -> Motion:
         """Return the motion T_destination_source that fits the matches best.
 
         robust_scale_m: see `pose.robust_motion`; None for least squares of all.
         """
+        points = self.source_m, self.destination_m, self.weights
         if robust_scale_m is None:
-            return motion_of_matches(self.source_m, self.destination_m, self.weights)
-        return robust_motion(self.source_m, self.destination_m, self.weights, scale_m=robust_scale_m)
+            return motion_of_matches(*points)
+        if self.precision is None:
+            return robust_motion(*points, scale_m=robust_scale_m)
+        return motion_by_precision(*points, self.precision, scale_m=robust_scale_m)
+
+    def errors_m(self, motion: Motion) -> Tensor:
+        """Return (B, N) [m]: how far destinations are from where a motion takes their sources.
+
+        Where precisions are known a distance counts by them, sqrt(r^T P r).
+        """
+        off_m = self.destination_m - moved(self.source_m, motion)
+        if self.precision is None:
+            return torch.linalg.vector_norm(off_m, dim=-1)
+        return torch.sqrt(weighed_squares(off_m, self.precision) + _SMALLEST_M**2)
 
 
 class KeypointModel(nn.Module):
@@ -120,11 +145,13 @@ class KeypointModel(nn.Module):
         matching: Matching,
         network_dtype: torch.dtype,
         truth: Motion | None = None,
+        within_m: float | None = None,
     ) -> Matches:
         """Return the matches between pictures (B, 1, H, H), for training.
 
         Both go through the network together; keypoints are looked for in the source alone. network_dtype:
-        of the convolutions; truth: the motions T_destination_source, for the matches' surprisal.
+        of the convolutions; truth: the motions T_destination_source, for the matches' surprisal; within_m:
+        see `matches`.
         """
         count = source.shape[0]
         with torch.autocast("cpu", network_dtype, enabled=network_dtype != torch.float32):
@@ -134,7 +161,7 @@ class KeypointModel(nn.Module):
         maps = tuple(each.float() for each in maps)
         found = self.keypoints(tuple(each[:count] for each in maps), _part(scores, 0, count), logits)
         into = destination_of(tuple(each[count:] for each in maps), _part(scores, count, None), matching)
-        return self.matches(found, into, matching, truth)
+        return self.matches(found, into, matching, truth, within_m=within_m)
 
     def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
         """Return the encoder's maps and the scores of images (B, 1, H, H)."""
@@ -172,26 +199,42 @@ class KeypointModel(nn.Module):
         near = None
         if within_m is not None:
             deviation_px = within_m / self.settings.image.pixel_m
-            near = Near(places_px=source.points_px, deviation_px=deviation_px)
+            near = Near(places_px=source.points_px.detach(), deviation_px=deviation_px)
         found = fast_search(
             source.descriptors,
             into.dense,
             temperature=self.settings.temperature,
             dtype=matching.dtype,
             near=near,
+            spread=near is not None,
         )
-        places = found.places_px
+        places, precision = found.places_px, None
+        if near is not None and found.spread_px2 is not None:
+            places, precision = without_expectation(
+                places, found.spread_px2, near.places_px, near.deviation_px
+            )
+            precision = precision_of_pixels(precision)
         similarity = (source.descriptors * descriptors_at(into.maps, places)).sum(-1)
         matched = torch.ones_like(similarity) if into.scores is None else sampled(into.scores, places)[..., 0]
         return Matches(
             source_m=self.metres(source.points_px),
             destination_m=self.metres(places),
             weights=match_weights(similarity, source.scores, matched),
-            surprisal=None if truth is None else self._surprisal(source, into.dense, found.log_sums, truth),
+            surprisal=None
+            if truth is None
+            else self._surprisal(source, into.dense, found.log_sums, truth, near),
+            precision=precision,
         )
 
-    def _surprisal(self, source: Keypoints, dense: DensePicture, log_sums: Tensor, truth: Motion) -> Tensor:
-        """Return (B, N) [nat]: log sum - T q . d at the true places, 0 where these are not in the picture.
+    def _surprisal(
+        self,
+        source: Keypoints,
+        dense: DensePicture,
+        log_sums: Tensor,
+        truth: Motion,
+        near: Near | None,
+    ) -> Tensor:
+        """Return (B, N) [nat]: log sum - logit at the true places, 0 where these are not in the picture.
 
         The true place shares in the samples around it, as bilinear interpolation has it: were its descriptor
         made of finer maps than those of the samples, the network would learn to tell the two apart.
@@ -202,7 +245,10 @@ class KeypointModel(nn.Module):
         )
         inside = ((places >= 0) & (places <= image.size - 1)).all(-1)
         similarity = dense.similarity(source.descriptors, places.detach())
-        return torch.where(inside, log_sums - self.settings.temperature * similarity, 0.0)
+        logits = self.settings.temperature * similarity
+        if near is not None:
+            logits = logits + near.log_density(places.detach())
+        return torch.where(inside, log_sums - logits, 0.0)
 
     def metres(self, points_px: Tensor) -> Tensor:
         """Return points (..., 2) row, column [px] as forward, right [m]."""

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from echoscape.learn.model import Matches
 from echoscape.learn.pose import Motion, moved
+from echoscape.learn.precision import turned_precision
 
 _ROUNDS = 3
 
@@ -125,8 +126,16 @@ def _joint(parts: Sequence[Part], scale_m: float | None) -> Motion:
         source_m=torch.cat([part.matches.source_m for part in parts], 1),
         destination_m=torch.cat([moved(part.matches.destination_m, part.stood_at) for part in parts], 1),
         weights=torch.cat([part.matches.weights for part in parts], 1),
+        precision=_joint_precision(parts),
     )
     return together.motion(robust_scale_m=scale_m)
+
+
+def _joint_precision(parts: Sequence[Part]) -> Tensor | None:
+    """Return the matches' precisions in the frame of the answer, None unless all have it."""
+    told = [(part.matches.precision, part.stood_at.rotation) for part in parts]
+    known = [turned_precision(each, rotation) for each, rotation in told if each is not None]
+    return torch.cat(known, 1) if len(known) == len(told) else None
 
 
 def _rolled(part: Part, twist: Twist, rolling: Rolling) -> Matches:

@@ -1,0 +1,113 @@
+"""How much matches say by direction, and the motion that fits them: along a wall little, across it much.
+
+Sources: information filters (Maybeck, Stochastic Models, Estimation and Control, 1979, section 5.7) for
+taking an expectation out of what was found with it; Gauss-Newton over SE(2) with residuals that count by
+direction as in registration by uncertainties (Segal et al., Generalized-ICP, RSS 2009).
+"""
+
+import torch
+from torch import Tensor
+
+from echoscape.learn.pose import Motion, moved, robust_motion, rotation_of_yaw
+
+WITHIN_M = 1.5
+"""How far from where it is expected a match of a followed drive is looked for, standard deviation [m]."""
+
+_SHARPEST_PX = 0.7
+"""How far off the sharpest match is taken to be [px]."""
+_MOST_SHARE = 0.9
+"""Part of the expectation's variance from which on a match is taken to say nothing of its own."""
+_LEAST_PX2 = 1 / 12
+"""Variance of a place within its pixel [px^2]."""
+_SCALES = (4, 2, 1, 1, 1)
+"""By how much the residuals' scale is widened, round after round."""
+_LEAST_EIGENVALUE = 1e-9
+"""Of the normal matrix with a diagonal of 1: from here on a motion counts as known."""
+
+
+def without_expectation(
+    places_px: Tensor, spread_px2: Tensor, expected_px: Tensor, deviation_px: float
+) -> tuple[Tensor, Tensor]:
+    """Return what was found without the normal distribution that it was looked for with.
+
+    places_px: (B, N, 2), means; spread_px2: (B, N, 2, 2), covariances, of distributions that are products of
+    a likelihood and a normal one of mean `expected_px` (B, N, 2) and standard deviation `deviation_px`.
+    Returns the likelihood's means (B, N, 2) and precisions (B, N, 2, 2), the likelihood taken as normal: in
+    each principal direction of the spread, with its variance s, 1 / v = 1 / s - 1 / deviation^2, and the mean
+    is off the expected one by v / s times as much as was found. The precision is c^2 / (c^2 + v), c = 0.7 px:
+    1 for the sharpest matches. Where s is nearly deviation^2 it is 0, and nothing is off. Places alone have a
+    gradient.
+    """
+    variance, axes = torch.linalg.eigh(spread_px2.detach())  # (B, N, 2), (B, N, 2, 2), an axis a column
+    variance, prior = variance.clamp(min=_LEAST_PX2), deviation_px**2
+    says = variance < _MOST_SHARE * prior
+    rest = torch.where(says, prior - variance, 1.0)
+    off = (axes.transpose(-1, -2) @ (places_px - expected_px)[..., None])[..., 0]
+    own = expected_px + (axes @ (torch.where(says, prior / rest, 0.0) * off)[..., None])[..., 0]
+    precision = torch.where(says, _SHARPEST_PX**2 / (_SHARPEST_PX**2 + variance * prior / rest), 0.0)
+    return own, axes @ (precision[..., None] * axes.transpose(-1, -2))
+
+
+def turned_precision(precision: Tensor, rotation: Tensor) -> Tensor:
+    """Return (B, N, 2, 2): precisions of points that are turned by rotations (B, 2, 2)."""
+    return rotation[:, None] @ precision @ rotation[:, None].transpose(-1, -2)
+
+
+def precision_of_pixels(precision: Tensor) -> Tensor:
+    """Return precisions by row and column as those by forward and right: forward is up."""
+    up = precision.new_tensor([[1.0, -1.0], [-1.0, 1.0]])
+    return precision * up
+
+
+def motion_by_precision(
+    source_m: Tensor, destination_m: Tensor, weights: Tensor, precision: Tensor, *, scale_m: float
+) -> Motion:
+    """Return the motion that fits matches best whose residuals count by direction.
+
+    source_m, destination_m: (B, N, 2) [m]; weights: (B, N); precision: (B, N, 2, 2) of the destinations,
+    forward and right. Begins with `robust_motion` and goes on by Gauss-Newton to the least sum of
+    w rho(r^T P r), r = destination - R source - t, rho of Geman-McClure at `scale_m`, wider at first. Where
+    the matches leave a direction open, `certain` is False and the motion the one that it began with.
+    """
+    start = robust_motion(source_m, destination_m, weights, scale_m=scale_m)
+    source_m, destination_m = source_m.double(), destination_m.double()
+    weights, precision = weights.double(), precision.double()
+    yaw, shift_m = start.yaw_rad.double(), start.translation_m.double()
+    certain = start.certain
+    for part in _SCALES:
+        motion = Motion(rotation=rotation_of_yaw(yaw), translation_m=shift_m, certain=certain)
+        off = destination_m - moved(source_m, motion)
+        share = weights / (1 + weighed_squares(off, precision) / (part * scale_m) ** 2) ** 2
+        step, known = _step(
+            off, source_m @ motion.rotation.transpose(1, 2), share[..., None, None] * precision
+        )
+        certain = certain & known
+        yaw, shift_m = yaw + step[:, 0], shift_m + step[:, 1:]
+    found = torch.cat([shift_m, yaw[:, None]], 1)
+    begun = torch.cat([start.translation_m, start.yaw_rad[:, None]], 1).double()
+    found = torch.where(certain[:, None], found, begun).to(start.translation_m.dtype)
+    return Motion(rotation=rotation_of_yaw(found[:, 2]), translation_m=found[:, :2], certain=certain)
+
+
+def weighed_squares(off_m: Tensor, precision: Tensor) -> Tensor:
+    """Return (..., N) [m^2]: r^T P r of residuals (..., N, 2) and precisions (..., N, 2, 2)."""
+    return (off_m * (precision @ off_m[..., None])[..., 0]).sum(-1)
+
+
+def _step(off_m: Tensor, turned_m: Tensor, precision: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the change (B, 3) of yaw and shift that takes away most of residuals, and whether it is known.
+
+    With p a turned source, a small turn a moves it by a (-p_right, p_forward): linear least squares in three
+    unknowns. The normal matrix is divided by its diagonal, so that units do not decide what is known.
+    """
+    turning = torch.stack([-turned_m[..., 1], turned_m[..., 0]], -1)[..., None]
+    shifting = torch.eye(2, dtype=off_m.dtype).expand(*off_m.shape, 2)
+    slope = torch.cat([turning, shifting], -1)  # (B, N, 2, 3)
+    weighed = slope.transpose(-1, -2) @ precision
+    normal, wanted = (weighed @ slope).sum(1), (weighed @ off_m[..., None]).sum(1)  # (B, 3, 3), (B, 3, 1)
+    size = normal.detach().diagonal(dim1=1, dim2=2).clamp(min=torch.finfo(off_m.dtype).tiny).sqrt()
+    balanced = normal / size[:, :, None] / size[:, None, :]
+    known = torch.linalg.eigvalsh(balanced.detach())[:, 0] > _LEAST_EIGENVALUE
+    balanced = torch.where(known[:, None, None], balanced, torch.eye(3).to(balanced))
+    step = torch.linalg.solve(balanced, wanted / size[:, :, None])[..., 0] / size
+    return torch.where(known[:, None], step, 0.0), known
