@@ -38,14 +38,33 @@ def without_expectation(
     1 for the sharpest matches. Where s is nearly deviation^2 it is 0, and nothing is off. Places alone have a
     gradient.
     """
-    variance, axes = torch.linalg.eigh(spread_px2.detach())  # (B, N, 2), (B, N, 2, 2), an axis a column
-    variance, prior = variance.clamp(min=_LEAST_PX2), deviation_px**2
+    prior = deviation_px**2
+    direction, middle, half = _principal(spread_px2.detach())
+    variance = torch.stack([middle + half, middle - half], -1).clamp(min=_LEAST_PX2)
     says = variance < _MOST_SHARE * prior
     rest = torch.where(says, prior - variance, 1.0)
-    off = (axes.transpose(-1, -2) @ (places_px - expected_px)[..., None])[..., 0]
-    own = expected_px + (axes @ (torch.where(says, prior / rest, 0.0) * off)[..., None])[..., 0]
-    precision = torch.where(says, _SHARPEST_PX**2 / (_SHARPEST_PX**2 + variance * prior / rest), 0.0)
-    return own, axes @ (precision[..., None] * axes.transpose(-1, -2))
+    gain = torch.where(says, prior / rest, 0.0)
+    precision = torch.where(says, _SHARPEST_PX**2 / (_SHARPEST_PX**2 + variance * gain), 0.0)
+    off = (places_px - expected_px)[..., None]
+    own = expected_px + (_matrix(gain, direction) @ off)[..., 0]
+    return own, _matrix(precision, direction)
+
+
+def _principal(spread: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Return D (..., 2, 2), m and h (...) of symmetric matrices S = m + h D, h of 0 or more.
+
+    D squared is 1 and its trace 0, so that the eigenvalues are m + h and m - h.
+    """
+    middle = spread.diagonal(dim1=-2, dim2=-1).mean(-1)
+    rest = spread - middle[..., None, None] * torch.eye(2).to(spread)
+    half = torch.linalg.vector_norm(rest[..., 0], dim=-1)
+    return rest / half.clamp(min=torch.finfo(spread.dtype).tiny)[..., None, None], middle, half
+
+
+def _matrix(values: Tensor, direction: Tensor) -> Tensor:
+    """Return symmetric matrices by their eigenvalues (..., 2) for +1 and -1 of `direction`'s."""
+    middle, half = values.mean(-1), (values[..., 0] - values[..., 1]) / 2
+    return middle[..., None, None] * torch.eye(2).to(values) + half[..., None, None] * direction
 
 
 def turned_precision(precision: Tensor, rotation: Tensor) -> Tensor:

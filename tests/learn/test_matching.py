@@ -132,6 +132,42 @@ def test_an_expected_place_multiplies_the_softmax_by_a_normal_distribution(
         assert_allclose(mine, theirs, atol=1e-8 * float(theirs.abs().max()))
 
 
+@pytest.mark.parametrize("stride", [1, 2])
+@pytest.mark.parametrize("deviation_px", [3.0, None])
+def test_the_spread_is_the_covariance_under_the_softmax(stride: int, deviation_px: float | None) -> None:
+    queries, maps = _case(torch.float64)
+    expected = drawn_points(9, SIZE, dtype=torch.float64) + 2
+    picture = dense_picture(maps, stride=stride)
+    samples = pixel_grid(SIZE // stride, SIZE // stride, like=queries) * stride + (stride - 1) / 2
+    logits = T * (queries @ picture.descriptors.flatten(2))
+    near = None
+    if deviation_px is not None:
+        near = Near(places_px=expected, deviation_px=deviation_px)
+        logits = logits + near.log_density(samples[:, None]).T
+    chances = logits.softmax(-1)[0].detach()  # (N, P)
+    away = samples[None] - (chances @ samples)[:, None]
+    wanted = torch.einsum("np,npi,npj->nij", chances, away, away)
+    found = fast_search(queries, picture, temperature=T, dtype=torch.float64, near=near, spread=True)
+    assert found.spread_px2 is not None
+    assert_allclose(found.spread_px2[0], wanted, atol=1e-8)
+    single = fast_search(
+        queries.float(),
+        dense_picture(tuple(each.float() for each in maps), stride=stride),
+        temperature=T,
+        near=near and Near(places_px=expected.float(), deviation_px=3.0),
+        spread=True,
+    )
+    assert single.spread_px2 is not None
+    assert_allclose(single.spread_px2[0], wanted, atol=0.02)
+    assert not found.spread_px2.requires_grad
+    plain = fast_search(queries, picture, temperature=T, dtype=torch.float64, near=near)
+    assert plain.spread_px2 is None
+    for mine, theirs in zip(
+        _slopes(found.places_px, [queries]), _slopes(plain.places_px, [queries]), strict=True
+    ):
+        assert_allclose(mine, theirs)
+
+
 def test_an_expected_place_far_from_any_likeness_is_found_in_low_precision_too() -> None:
     queries, maps = _case(torch.float32)
     expected = torch.full((1, 9, 2), 5.0)

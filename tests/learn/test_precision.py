@@ -1,0 +1,174 @@
+"""Precisions of matches: an expectation is taken out exactly; motions are found by what matches do say."""
+
+import math
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+from torch.autograd import gradcheck
+from torch.testing import assert_close
+
+from echoscape.learn.plane_motion import PlaneMotion, plane_motion_of
+from echoscape.learn.pose import Motion, robust_motion, rotation_of_yaw
+from echoscape.learn.precision import (
+    motion_by_precision,
+    precision_of_pixels,
+    turned_precision,
+    weighed_squares,
+    without_expectation,
+)
+
+SHARPEST_PX = 0.7
+
+
+def covariance(first: float, second: float, angle: float) -> Tensor:
+    """Return a 2 x 2 matrix with these eigenvalues, the first along `angle`."""
+    axes = rotation_of_yaw(torch.tensor([angle], dtype=torch.float64))[0]
+    return axes @ torch.diag(torch.tensor([first, second], dtype=torch.float64)) @ axes.T
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.floats(0.3, 3.0), st.floats(0.3, 3.0), st.floats(0, math.pi),
+    st.floats(-2, 2), st.floats(-2, 2), st.floats(2.0, 5.0),
+)  # fmt: skip
+def test_what_was_expected_is_taken_out_of_normal_distributions_exactly(
+    first: float, second: float, angle: float, row: float, column: float, deviation: float
+) -> None:
+    own = covariance(first, second, angle)
+    mean = torch.tensor([row, column], dtype=torch.float64)
+    expected = torch.tensor([0.5, -1.0], dtype=torch.float64)
+    prior = torch.eye(2, dtype=torch.float64) / deviation**2
+    spread = torch.linalg.inv(torch.linalg.inv(own) + prior)  # the product of two normal distributions
+    place = spread @ (torch.linalg.inv(own) @ mean + prior @ expected)
+    places, precision = without_expectation(
+        place[None, None], spread[None, None], expected[None, None], deviation
+    )
+    assert_close(places[0, 0], mean, atol=1e-9, rtol=0)
+    wanted = SHARPEST_PX**2 * torch.linalg.inv(own + SHARPEST_PX**2 * torch.eye(2, dtype=torch.float64))
+    assert_close(precision[0, 0], wanted, atol=1e-9, rtol=0)
+
+
+def test_what_is_as_wide_as_the_expectation_says_nothing() -> None:
+    place, expected = torch.tensor([[[3.0, 1.0]]]), torch.zeros(1, 1, 2)
+    spread = covariance(4.0, 0.2, 0.0).float()[None, None]
+    places, precision = without_expectation(place, spread, expected, 2.0)
+    assert places[0, 0, 0] == 0.0  # along its first axis it is where it was expected, whatever was found
+    assert places[0, 0, 1] > 1.0
+    assert precision[0, 0, 0, 0] == 0.0
+    assert precision[0, 0, 1, 1] > 0.5
+
+
+def test_a_spread_alike_in_all_directions_has_a_precision_alike_in_all() -> None:
+    spread = 0.5 * torch.eye(2)[None, None]
+    _, precision = without_expectation(torch.zeros(1, 1, 2), spread, torch.zeros(1, 1, 2), 3.0)
+    assert_close(precision[0, 0], precision[0, 0, 0, 0] * torch.eye(2))
+
+
+def test_places_without_expectation_have_a_gradient_and_spreads_none() -> None:
+    place = torch.tensor([[[1.0, 2.0]]], dtype=torch.float64, requires_grad=True)
+    spread = covariance(0.6, 1.5, 0.4)[None, None]
+
+    def own(places: Tensor) -> Tensor:
+        return without_expectation(places, spread, torch.zeros(1, 1, 2, dtype=torch.float64), 2.0)[0]
+
+    assert gradcheck(own, place)
+    wide = spread.clone().requires_grad_()
+    places, precision = without_expectation(place, wide, torch.zeros_like(place), 2.0)
+    assert not precision.requires_grad
+    places.sum().backward()
+    assert wide.grad is None
+
+
+def test_precisions_by_pixels_are_those_of_metres_with_forward_up() -> None:
+    wanted = torch.tensor([[0.2, -0.1], [-0.1, 0.6]])
+    found = precision_of_pixels(torch.tensor([[0.2, 0.1], [0.1, 0.6]])[None, None])
+    assert_close(found[0, 0], wanted)
+
+
+def test_a_square_is_the_same_in_any_frame() -> None:
+    generator = torch.Generator().manual_seed(1)
+    off = torch.randn(1, 5, 2, generator=generator)
+    precision = torch.stack([covariance(1.0, 0.1, 0.3 * i).float() for i in range(5)])[None]
+    rotation = rotation_of_yaw(torch.tensor([0.7]))
+    found = weighed_squares(off @ rotation.transpose(1, 2), turned_precision(precision, rotation))
+    assert_close(found, weighed_squares(off, precision))
+
+
+def scene(motion: PlaneMotion, *, seed: int = 0) -> tuple[Tensor, Tensor, Tensor]:
+    """Return sources and destinations (1, 60, 2) by a motion, and weights."""
+    generator = torch.Generator().manual_seed(seed)
+    source = 100 * (torch.rand(1, 60, 2, generator=generator) - 0.5)
+    return source, motion.of_points(source), torch.rand(1, 60, generator=generator) + 0.1
+
+
+MOTION = PlaneMotion(x_m=1.2, y_m=-0.3, yaw_rad=0.05)
+
+
+def test_exact_matches_give_the_exact_motion_whatever_their_precisions() -> None:
+    source, destination, weights = scene(MOTION)
+    precision = torch.stack([covariance(1.0, 0.02 + 0.01 * i, 0.1 * i).float() for i in range(60)])[None]
+    found = motion_by_precision(source, destination, weights, precision, scale_m=0.7)
+    assert bool(found.certain)
+    for name in ("x_m", "y_m", "yaw_rad"):
+        assert getattr(plane_motion_of(found), name) == pytest.approx(getattr(MOTION, name), abs=1e-5)
+
+
+def test_walls_that_slide_along_themselves_do_not_move_the_answer() -> None:
+    source, destination, weights = scene(MOTION)
+    slid = destination.clone()
+    slid[:, :40, 0] += 0.4  # two in three are found too far ahead, along a wall ahead
+    precision = torch.eye(2).expand(1, 60, 2, 2).clone()
+    precision[:, :40, 0, 0] = 0.0
+    found = plane_motion_of(motion_by_precision(source, slid, weights, precision, scale_m=0.7))
+    alike = plane_motion_of(robust_motion(source, slid, weights, scale_m=0.7))
+    assert found.x_m == pytest.approx(MOTION.x_m, abs=1e-4)
+    assert abs(alike.x_m - MOTION.x_m) > 0.2
+
+
+def test_precisions_of_one_give_the_robust_motion() -> None:
+    source, destination, weights = scene(MOTION)
+    destination = destination + 0.1 * torch.randn(
+        destination.shape, generator=torch.Generator().manual_seed(3)
+    )
+    one = torch.eye(2).expand(1, 60, 2, 2)
+    found = motion_by_precision(source, destination, weights, one, scale_m=0.7)
+    wanted = robust_motion(source, destination, weights, scale_m=0.7)
+    assert_close(found.translation_m, wanted.translation_m, atol=2e-4, rtol=0)
+    assert_close(found.yaw_rad, wanted.yaw_rad, atol=1e-5, rtol=0)
+
+
+def test_wrong_matches_do_not_count() -> None:
+    source, destination, weights = scene(MOTION)
+    destination[:, :15] += torch.tensor([6.0, -9.0])
+    one = torch.eye(2).expand(1, 60, 2, 2)
+    found = plane_motion_of(motion_by_precision(source, destination, weights, one, scale_m=0.7))
+    assert found.x_m == pytest.approx(MOTION.x_m, abs=5e-3)
+    assert found.yaw_rad == pytest.approx(MOTION.yaw_rad, abs=1e-3)
+
+
+@pytest.mark.parametrize("left", ["everything", "forward"])
+def test_what_is_left_open_is_said_and_stays_finite(left: str) -> None:
+    source, destination, weights = scene(MOTION)
+    precision = torch.zeros(1, 60, 2, 2)
+    if left == "forward":  # all stand on a line to the right, and say how far right they are
+        precision[..., 1, 1] = 1.0
+        source[..., 0] = destination[..., 0] = 0.0
+    found = motion_by_precision(source, destination, weights, precision, scale_m=0.7)
+    assert not bool(found.certain)
+    assert bool(found.translation_m.isfinite().all() and found.rotation.isfinite().all())
+
+
+def test_the_motion_has_the_gradient_that_differences_have() -> None:
+    source, destination, weights = (each.double() for each in scene(MOTION))
+    precision = torch.stack([covariance(1.0, 0.1, 0.2 * i) for i in range(60)])[None]
+    noise = torch.randn(destination.shape, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
+    places = (destination + 0.2 * noise).requires_grad_()
+
+    def motion(at: Tensor) -> tuple[Tensor, Tensor]:
+        found: Motion = motion_by_precision(source, at, weights, precision, scale_m=0.7)
+        return found.translation_m, found.yaw_rad
+
+    assert gradcheck(motion, places)
