@@ -59,6 +59,16 @@ class Turns:
     destination_rad: float = 0.0
     shift_m: tuple[float, float] = (0.0, 0.0)
 
+    @property
+    def source_shown_at(self) -> PlaneMotion:
+        """The pose of the source in the frame of its picture."""
+        return PlaneMotion(x_m=self.shift_m[0], y_m=self.shift_m[1], yaw_rad=self.source_rad)
+
+    @property
+    def destination_shown_at(self) -> PlaneMotion:
+        """The same of the destination."""
+        return PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=self.destination_rad)
+
 
 def drawn_turns(settings: TurnSettings, step: int, *, rng: np.random.Generator) -> Turns:
     """Draw the turns of a pair: a heading for both, a turn and a shift of the source; all are uniform."""

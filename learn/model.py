@@ -4,6 +4,7 @@ Source: Barnes & Posner 2020, section III and figure 2. A motion is T_destinatio
 order of gt/radar_odometry.csv: for a car that drives on, with the later scan as the source, x is positive.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import get_args
 
@@ -24,6 +25,9 @@ from echoscape.learn.precision import (
     without_expectation,
 )
 from echoscape.learn.unet import Decoder, Encoder, Maps, Pooling
+
+TruePlaces = Callable[[Tensor], Tensor]
+"""Takes keypoints (B, N, 2) forward, right [m] to where they truly are in the destination, likewise."""
 
 _SMALLEST_M = 1e-6
 """What a distance is not told from, so that its gradient is finite [m]."""
@@ -105,17 +109,18 @@ class Matches:
     surprisal: Tensor | None = None
     precision: Tensor | None = None
 
-    def motion(self, *, robust_scale_m: float | None = None) -> Motion:
+    def motion(self, *, robust_scale_m: float | None = None, near: Motion | None = None) -> Motion:
         """Return the motion T_destination_source that fits the matches best.
 
-        robust_scale_m: see `pose.robust_motion`; None for least squares of all.
+        robust_scale_m: see `pose.robust_motion`; None for least squares of all; near: a motion to begin with
+        that is nearly right already, of use where precisions are known.
         """
         points = self.source_m, self.destination_m, self.weights
         if robust_scale_m is None:
             return motion_of_matches(*points)
         if self.precision is None:
             return robust_motion(*points, scale_m=robust_scale_m)
-        return motion_by_precision(*points, self.precision, scale_m=robust_scale_m)
+        return motion_by_precision(*points, self.precision, scale_m=robust_scale_m, near=near)
 
     def errors_m(self, motion: Motion) -> Tensor:
         """Return (B, N) [m]: how far destinations are from where a motion takes their sources.
@@ -144,14 +149,13 @@ class KeypointModel(nn.Module):
         destination: Tensor,
         matching: Matching,
         network_dtype: torch.dtype,
-        truth: Motion | None = None,
+        true_places: TruePlaces | None = None,
         within_m: float | None = None,
     ) -> Matches:
         """Return the matches between pictures (B, 1, H, H), for training.
 
         Both go through the network together; keypoints are looked for in the source alone. network_dtype:
-        of the convolutions; truth: the motions T_destination_source, for the matches' surprisal; within_m:
-        see `matches`.
+        of the convolutions; true_places: for the matches' surprisal; within_m: see `matches`.
         """
         count = source.shape[0]
         with torch.autocast("cpu", network_dtype, enabled=network_dtype != torch.float32):
@@ -161,7 +165,7 @@ class KeypointModel(nn.Module):
         maps = tuple(each.float() for each in maps)
         found = self.keypoints(tuple(each[:count] for each in maps), _part(scores, 0, count), logits)
         into = destination_of(tuple(each[count:] for each in maps), _part(scores, count, None), matching)
-        return self.matches(found, into, matching, truth, within_m=within_m)
+        return self.matches(found, into, matching, true_places, within_m=within_m)
 
     def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
         """Return the encoder's maps and the scores of images (B, 1, H, H)."""
@@ -187,14 +191,15 @@ class KeypointModel(nn.Module):
         source: Keypoints,
         into: Destination,
         matching: Matching,
-        truth: Motion | None = None,
+        true_places: TruePlaces | None = None,
         *,
         within_m: float | None = None,
     ) -> Matches:
         """Look for the source's keypoints in destinations, prepared for the same matching.
 
-        within_m: where pictures are shown in one frame, how far from its own place each is expected, as a
-        standard deviation [m]; None expects it anywhere alike.
+        true_places: where each keypoint truly is in the destination, for the matches' surprisal; within_m:
+        where pictures are shown in one frame, how far from its own place each is expected, as a standard
+        deviation [m]; None expects it anywhere alike.
         """
         near = None
         if within_m is not None:
@@ -214,15 +219,16 @@ class KeypointModel(nn.Module):
                 places, found.spread_px2, near.places_px, near.deviation_px
             )
             precision = precision_of_pixels(precision)
+        surprisal = None
+        if true_places is not None:
+            surprisal = self._surprisal(source, into.dense, found.log_sums, true_places, near)
         similarity = (source.descriptors * descriptors_at(into.maps, places)).sum(-1)
         matched = torch.ones_like(similarity) if into.scores is None else sampled(into.scores, places)[..., 0]
         return Matches(
             source_m=self.metres(source.points_px),
             destination_m=self.metres(places),
             weights=match_weights(similarity, source.scores, matched),
-            surprisal=None
-            if truth is None
-            else self._surprisal(source, into.dense, found.log_sums, truth, near),
+            surprisal=surprisal,
             precision=precision,
         )
 
@@ -231,7 +237,7 @@ class KeypointModel(nn.Module):
         source: Keypoints,
         dense: DensePicture,
         log_sums: Tensor,
-        truth: Motion,
+        true_places: TruePlaces,
         near: Near | None,
     ) -> Tensor:
         """Return (B, N) [nat]: log sum - logit at the true places, 0 where these are not in the picture.
@@ -240,9 +246,8 @@ class KeypointModel(nn.Module):
         made of finer maps than those of the samples, the network would learn to tell the two apart.
         """
         image = self.settings.image
-        places = pixels_of_metres(
-            moved(self.metres(source.points_px), truth), size=image.size, pixel_m=image.pixel_m
-        )
+        true_m = true_places(self.metres(source.points_px))
+        places = pixels_of_metres(true_m, size=image.size, pixel_m=image.pixel_m)
         inside = ((places >= 0) & (places <= image.size - 1)).all(-1)
         similarity = dense.similarity(source.descriptors, places.detach())
         logits = self.settings.temperature * similarity

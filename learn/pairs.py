@@ -19,6 +19,7 @@ from echoscape.learn.cells_cache import Report, cells_of
 from echoscape.learn.image import ImageSettings, Projector
 from echoscape.learn.plane_motion import PlaneMotion
 from echoscape.learn.pose import Motion
+from echoscape.learn.truth import DriveMotion, Truth, drive_motion, rolls
 from echoscape.sim.folders import open_folder
 from echoscape.sim.oxford import relative_pose
 from echoscape.sim.whole_files import DatasetError
@@ -42,19 +43,28 @@ class Pair:
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
-    """B pairs as tensors: pictures (B, 1, H, H) float32 and the true motions T_destination_source."""
+    """B pairs as tensors: pictures (B, 1, H, H) float32 and what is known of them, rolls included."""
 
     source: Tensor
     destination: Tensor
-    motion: Motion
+    truth: Truth
+
+    @property
+    def motion(self) -> Motion:
+        """The true motions T_destination_source between the pictures."""
+        return self.truth.motion
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A folder's scans: cells (N, azimuths, cells) uint8; poses (N, 4) x, y, z [m], yaw [rad], world axes."""
+    """A folder's scans.
+
+    cells (N, azimuths, cells) uint8; poses (N, 4) x, y, z [m], yaw [rad], world axes; motion: of the car.
+    """
 
     cells: NDArray[np.uint8]
     poses: NDArray[np.float64]
+    motion: DriveMotion
     projector: Projector
 
     @cached_property
@@ -128,7 +138,19 @@ class PairSet:
             destinations.append(project(drive.cells[pair.destination], turn_rad=turns.destination_rad))
             motions.append(turned(plane_motion(drive.poses, pair), turns))
         return Batch(
-            source=torch.stack(sources), destination=torch.stack(destinations), motion=motion_tensors(motions)
+            source=torch.stack(sources),
+            destination=torch.stack(destinations),
+            truth=Truth(
+                motion=motion_tensors(motions),
+                source=rolls(
+                    [(self.drives[pair.drive].motion, pair.source) for pair in pairs],
+                    motion_tensors([pair.turns.source_shown_at for pair in pairs]),
+                ),
+                destination=rolls(
+                    [(self.drives[pair.drive].motion, pair.destination) for pair in pairs],
+                    motion_tensors([pair.turns.destination_shown_at for pair in pairs]),
+                ),
+            ),
         )
 
 
@@ -154,7 +176,8 @@ def _drive(folder: Path, image: ImageSettings, cache: Path | None, report: Repor
     if poses is None:
         raise DatasetError(f"{folder}: tells no poses, so there is nothing to learn from")
     projector = Projector(image, scans.sensor.azimuths)
-    drive = Drive(cells_of(scans, image, cache=cache, report=report), poses, projector)
+    cells = cells_of(scans, image, cache=cache, report=report)
+    drive = Drive(cells, poses, drive_motion(scans, poses), projector)
     if not drive.candidates:
         raise DatasetError(f"{folder}: has no two scans with poses within {LARGEST_GAP} of each other")
     return drive

@@ -79,21 +79,28 @@ def precision_of_pixels(precision: Tensor) -> Tensor:
 
 
 def motion_by_precision(
-    source_m: Tensor, destination_m: Tensor, weights: Tensor, precision: Tensor, *, scale_m: float
+    source_m: Tensor,
+    destination_m: Tensor,
+    weights: Tensor,
+    precision: Tensor,
+    *,
+    scale_m: float,
+    near: Motion | None = None,
 ) -> Motion:
     """Return the motion that fits matches best whose residuals count by direction.
 
     source_m, destination_m: (B, N, 2) [m]; weights: (B, N); precision: (B, N, 2, 2) of the destinations,
     forward and right. Begins with `robust_motion` and goes on by Gauss-Newton to the least sum of
     w rho(r^T P r), r = destination - R source - t, rho of Geman-McClure at `scale_m`, wider at first. Where
-    the matches leave a direction open, `certain` is False and the motion the one that it began with.
+    the matches leave a direction open, `certain` is False and the motion the one that it began with. near: a
+    motion to begin with that is nearly right, in place of `robust_motion`, and not wider at first.
     """
-    start = robust_motion(source_m, destination_m, weights, scale_m=scale_m)
+    start = near or robust_motion(source_m, destination_m, weights, scale_m=scale_m)
     source_m, destination_m = source_m.double(), destination_m.double()
     weights, precision = weights.double(), precision.double()
     yaw, shift_m = start.yaw_rad.double(), start.translation_m.double()
     certain = start.certain
-    for part in _SCALES:
+    for part in _SCALES if near is None else (1, 1):
         motion = Motion(rotation=rotation_of_yaw(yaw), translation_m=shift_m, certain=certain)
         off = destination_m - moved(source_m, motion)
         share = weights / (1 + weighed_squares(off, precision) / (part * scale_m) ** 2) ** 2

@@ -68,14 +68,20 @@ def twist_between(motion: Motion, gap_s: float) -> Twist:
     return Twist(velocity_mps=velocity / gap_s, yaw_rate_rps=yaw / gap_s)
 
 
-def at_middle(points_m: Tensor, twist: Twist, rolling: Rolling) -> Tensor:
-    """Return points (B, N, 2) forward, right [m], each seen as the beam met it, in the frame of mid-scan."""
+def at_middle(
+    points_m: Tensor, twist: Twist, *, turn_s: float | Tensor, doppler_beta_s: float | Tensor
+) -> Tensor:
+    """Return points (B, N, 2) forward, right [m], each seen as the beam met it, in the frame of mid-scan.
+
+    turn_s, doppler_beta_s: as in `Rolling`, of all scans or (B,).
+    """
+    turn_s, doppler_beta_s = (torch.as_tensor(each).reshape(-1, 1) for each in (turn_s, doppler_beta_s))
     range_m = torch.linalg.vector_norm(points_m, dim=-1, keepdim=True)
     beam = points_m / range_m.clamp(min=1e-6)
     closing_mps = (beam * twist.velocity_mps[:, None]).sum(-1, keepdim=True)
-    points_m = points_m + rolling.doppler_beta_s * closing_mps * beam
+    points_m = points_m + doppler_beta_s[..., None] * closing_mps * beam
     turns = torch.atan2(points_m[..., 1], points_m[..., 0]) / (2 * math.pi) % 1
-    time_s = (turns - 0.5) * rolling.turn_s
+    time_s = (turns - 0.5) * turn_s
     yaw, moved = _moved(twist, time_s)
     cosine, sine = yaw.cos(), yaw.sin()
     forward, right = points_m.unbind(-1)
@@ -109,7 +115,7 @@ def solved(
         assert rolling is not None
         twist = twist_between(relative(parts[-1].stood_at, motion), rolling.gap_s)
         seen = tuple(replace(part, matches=_rolled(part, twist, rolling)) for part in parts)
-        motion = _joint(seen, scale_m)
+        motion = _joint(seen, scale_m, near=motion)
     return motion, seen
 
 
@@ -121,14 +127,14 @@ def relative(destination: Motion, source: Motion) -> Motion:
     return Motion(rotation=back @ source.rotation, translation_m=(back @ away)[..., 0], certain=certain)
 
 
-def _joint(parts: Sequence[Part], scale_m: float | None) -> Motion:
+def _joint(parts: Sequence[Part], scale_m: float | None, near: Motion | None = None) -> Motion:
     together = Matches(
         source_m=torch.cat([part.matches.source_m for part in parts], 1),
         destination_m=torch.cat([moved(part.matches.destination_m, part.stood_at) for part in parts], 1),
         weights=torch.cat([part.matches.weights for part in parts], 1),
         precision=_joint_precision(parts),
     )
-    return together.motion(robust_scale_m=scale_m)
+    return together.motion(robust_scale_m=scale_m, near=near)
 
 
 def _joint_precision(parts: Sequence[Part]) -> Tensor | None:
@@ -140,10 +146,11 @@ def _joint_precision(parts: Sequence[Part]) -> Tensor | None:
 
 def _rolled(part: Part, twist: Twist, rolling: Rolling) -> Matches:
     """Return a part's matches with the source's points moved by a twist, the others by their own."""
+    how = {"turn_s": rolling.turn_s, "doppler_beta_s": rolling.doppler_beta_s}
     return replace(
         part.matches,
-        source_m=at_middle(part.matches.source_m, twist, rolling),
-        destination_m=at_middle(part.matches.destination_m, part.twist or twist, rolling),
+        source_m=at_middle(part.matches.source_m, twist, **how),
+        destination_m=at_middle(part.matches.destination_m, part.twist or twist, **how),
     )
 
 

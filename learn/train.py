@@ -29,6 +29,7 @@ from echoscape.learn.processes import joined_processes
 from echoscape.learn.train_settings import DTYPES, TrainSettings
 from echoscape.learn.training_log import LOG_FILE, Report, TrainingLog
 from echoscape.learn.training_plot import draw_training
+from echoscape.learn.truth import Truth
 from echoscape.learn.validation import fixed_pairs, pair_errors
 from echoscape.learn.weights import read_weights, write_weights
 from echoscape.sim.whole_files import DatasetError, remove_temporaries, write_whole
@@ -172,10 +173,11 @@ class _Run:
         batch = self.data.training.batch(drawn)
         self.forward.train()
         self.optimiser.zero_grad(set_to_none=True)
-        truth = batch.motion if settings.likelihood_weight > 0 else None
-        network = DTYPES[settings.network]
-        within_m = WITHIN_M if expected else None
-        matches = self.forward(batch.source, batch.destination, settings.matching, network, truth, within_m)
+        truth = batch.truth if settings.compensate else Truth(motion=batch.motion)
+        places = truth.places if settings.likelihood_weight > 0 else None
+        network, within_m = DTYPES[settings.network], WITHIN_M if expected else None
+        found = self.forward(batch.source, batch.destination, settings.matching, network, places, within_m)
+        matches = truth.at_middle(found)
         scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m if settings.robust_pose else None
         motion = matches.motion(robust_scale_m=scale_m)
         loss = self._loss(matches, motion, batch.motion)
@@ -213,7 +215,14 @@ class _Run:
         """Log the errors of the held-out pairs, and keep the model if it is the best."""
         assert self.data.validation is not None
         dtype = DTYPES[self.settings.network]
-        errors = pair_errors(self.model, self.data.validation, self.chosen, self.settings.matching, dtype)
+        errors = pair_errors(
+            self.model,
+            self.data.validation,
+            self.chosen,
+            self.settings.matching,
+            dtype,
+            compensate=self.settings.compensate,
+        )
         self._log({"validation": asdict(errors)})
         loss_m = self._of_first_process(errors.loss_m)
         if loss_m < self.progress.best_m:

@@ -60,6 +60,9 @@ class TrainSettings:
     expected_share: float = 0.0
     """Share of steps whose pairs are shown where they are expected and looked for near there, as in a drive
     that is followed, rather than turned and shifted at random. It takes --robust-pose."""
+    compensate: bool = False
+    """Move points to mid-scan and undo their Doppler shifts, by the true velocities, before poses are solved
+    and errors are told."""
     validate_every: int = 500
     """Steps between validations."""
     validate_pairs: int = 64

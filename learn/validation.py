@@ -50,9 +50,17 @@ def fixed_pairs(
 
 @torch.no_grad()
 def pair_errors(
-    model: KeypointModel, pairs: PairSet, chosen: Sequence[Pair], matching: Matching, dtype: torch.dtype
+    model: KeypointModel,
+    pairs: PairSet,
+    chosen: Sequence[Pair],
+    matching: Matching,
+    dtype: torch.dtype,
+    *,
+    compensate: bool = False,
 ) -> PairErrors:
     """Return the errors over the chosen pairs, solved robustly as inference does.
+
+    compensate: move points to mid-scan first, by the true velocities.
 
     The model is in training mode afterwards if it was before.
     """
@@ -64,6 +72,8 @@ def pair_errors(
         batch = pairs.batch([pair])
         within_m = WITHIN_M if pair.expected else None
         matches = model(batch.source, batch.destination, matching, dtype, None, within_m)
+        if compensate:
+            matches = batch.truth.at_middle(matches)
         motion = matches.motion(robust_scale_m=scale_m)
         shift, turn = pose_errors(motion, batch.motion)
         found.append((float(shift), float(turn), float(pose_loss(motion, batch.motion))))

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -72,7 +73,10 @@ def test_surprisal_is_the_cross_entropy_with_the_true_place(stride: int) -> None
         certain=torch.ones(1, dtype=torch.bool),
     )
     back = Motion(rotation=truth.rotation.mT, translation_m=-truth.translation_m, certain=truth.certain)
-    right, wrong = (model.matches(keypoints, into, matching, each).surprisal for each in (truth, back))
+    right, wrong = (
+        model.matches(keypoints, into, matching, partial(moved, motion=each)).surprisal
+        for each in (truth, back)
+    )
     assert right is not None
     assert wrong is not None
     assert float(right.mean()) < 0.5 * float(wrong.mean())
@@ -98,8 +102,8 @@ def test_what_is_looked_for_near_its_place_is_found_as_if_it_were_not() -> None:
     keypoints = replace(keypoints_at(points, maps, None), points_px=points + off)  # expected a little off
     into = destination_of(maps, None, matching)
     truth = PlaneMotion(x_m=float(off[0]) * PIXEL_M, y_m=-float(off[1]) * PIXEL_M, yaw_rad=0.0).tensors()
-    found = model.matches(keypoints, into, matching, truth, within_m=3 * PIXEL_M)
-    anywhere = model.matches(keypoints, into, matching, truth)
+    found = model.matches(keypoints, into, matching, partial(moved, motion=truth), within_m=3 * PIXEL_M)
+    anywhere = model.matches(keypoints, into, matching, partial(moved, motion=truth))
     assert anywhere.precision is None
     assert found.precision is not None
     assert float(found.precision.diagonal(dim1=-2, dim2=-1).min()) > 0.2
@@ -121,7 +125,9 @@ def test_places_outside_the_destination_surprise_nobody() -> None:
         certain=torch.ones(1, dtype=torch.bool),
     )
     keypoints = keypoints_at(_inner_points(), maps, None)
-    found = model.matches(keypoints, destination_of(maps, None, matching), matching, away)
+    found = model.matches(
+        keypoints, destination_of(maps, None, matching), matching, partial(moved, motion=away)
+    )
     assert found.surprisal is not None
     assert bool((found.surprisal == 0).all())
 

@@ -77,8 +77,8 @@ VELOCITIES = [(12.0, 0.3, 0.4), (-3.0, 0.0, -0.5), (8.0, 0.0, 0.0), (0.0, 0.0, 0
 def test_a_spot_is_put_where_it_is_at_mid_scan(velocity: tuple[float, float, float]) -> None:
     seen = np.stack([_seen(spot, velocity) for spot in _spots()])
     twist = Twist(velocity_mps=torch.tensor([velocity[:2]]), yaw_rate_rps=torch.tensor([velocity[2]]))
-    rolling = Rolling(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
-    assert_allclose(at_middle(_tensor(seen), twist, rolling)[0], _spots(), atol=1e-6)
+    found = at_middle(_tensor(seen), twist, turn_s=TURN_S, doppler_beta_s=BETA_S)
+    assert_allclose(found[0], _spots(), atol=1e-6)
 
 
 @given(
