@@ -39,9 +39,9 @@ class Options:
     resolution: float | None = None
     """Which of the weights that came along: width of a pixel [m]; by default the coarsest, which are
     the fastest."""
-    compensate: bool = False
+    compensate: bool = True
     """Move keypoints to mid-scan and undo their Doppler shifts, at the velocity that each pair tells, before
-    its pose is solved. Learned method only."""
+    its pose is solved. Of the learned method."""
     pairs_alone: bool = False
     """Every pair by itself, as in the paper, in place of following scans from keyframe to keyframe. Learned
     method only."""
@@ -82,7 +82,6 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
     if options.resolution is not None and (options.weights is not None or options.method != "learned"):
         raise ValueError("--resolution chooses among the learned method's own weights: not with --weights")
     for flag, given in {
-        "--compensate": options.compensate,
         "--pairs-alone": options.pairs_alone,
         "--any-heading": options.any_heading,
     }.items():

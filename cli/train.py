@@ -38,7 +38,7 @@ class Options:
     resolution: float = ImageSettings.pixel_m
     """Width of a picture's pixel [m]; the paper has 0.6912 and 0.3456."""
     size: int = ImageSettings.size
-    """Pixels a side of a picture, a multiple of 80."""
+    """Pixels a side of a picture, even; multiples of 80 need no margin."""
     near_m: float = ImageSettings.near_m
     """Range below which pictures are empty [m]."""
     location_head: bool = True

@@ -54,7 +54,8 @@ class LearnedOdometry:
     def name(self) -> str:
         """What results are labelled with."""
         alone = ["pairs alone"] if self.follower.settings == PAIRS_ALONE else []
-        return ", ".join(["learned", *alone, *(["compensated"] if self.follower.compensates else [])])
+        plain = [] if self.follower.compensates else ["not compensated"]
+        return ", ".join(["learned", *alone, *plain])
 
     @property
     def estimator(self) -> Estimator:
@@ -74,7 +75,9 @@ class LearnedOdometry:
         try:
             found, track = self.follower.follow(state, self._scan(scan))
         except RollingError as error:
-            raise PairFailed(f"the scans' times leave nothing to compensate by: {error}") from error
+            raise PairFailed(
+                f"the scans' times leave nothing to compensate by: {error} (--no-compensate does without)"
+            ) from error
         if not found.certain:
             raise PairFailed("the matches leave the rotation open: no weight, or all in one place")
         motion = PairMotion(

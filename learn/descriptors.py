@@ -56,12 +56,10 @@ def descriptors_at(maps: Maps, points_px: Tensor) -> Tensor:
 
 
 def embedding(maps: Maps) -> Tensor:
-    """Return (B, 248): each channel's maximum over the picture, the description of a place.
-
-    A bilinear interpolant is nowhere above its samples, so the maximum of a map is that of its resized copy
-    taken as a function of the place.
-    """
-    return torch.cat([each.amax((2, 3)) for each in maps], 1)
+    """Return (B, 248): each channel's maximum over the dense descriptors, the description of a place."""
+    size = maps[0].shape[-2:]
+    coarse = [interpolate(each, size=size, mode="bilinear", align_corners=False) for each in maps[1:]]
+    return torch.cat([each.amax((2, 3)) for each in (maps[0], *coarse)], 1)
 
 
 def _last_pixel(values: Tensor, points_px: Tensor) -> Tensor:

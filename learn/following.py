@@ -25,14 +25,16 @@ class FollowSettings:
     """How a drive is followed.
 
     keyframe_m, keyframe_rad: how far from its keyframe a scan may be before it is the next one [m], [rad];
+    keyframe_weight: how much a match with the keyframe counts against one with the scan before, above 0;
     surprise_m, surprise_rad: by how much a pose may miss what was expected before its scan is shown anew,
     where it was found; likely_m, likely_rad: the largest motion that is expected to go on [m], [rad];
     within_m: how far from where it is expected a match is looked for, as a standard deviation [m], above 0,
     once there is an expectation.
     """
 
-    keyframe_m: float = 12.0
+    keyframe_m: float = 20.0
     keyframe_rad: float = 0.3
+    keyframe_weight: float = 3.0
     surprise_m: float = 0.5
     surprise_rad: float = 0.02
     likely_m: float = 15.0
@@ -43,8 +45,9 @@ class FollowSettings:
         for name, value in vars(self).items():
             if not value >= 0:
                 raise ValueError(f"{name} must be 0 or more, got {value}")
-        if self.within_m == 0:
-            raise ValueError("within_m must be above 0, got 0")
+        for name in ("keyframe_weight", "within_m"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be above 0, got 0")
 
 
 PAIRS_ALONE = FollowSettings(
@@ -200,6 +203,7 @@ class Follower:
                 matches=self.estimator.matches(source, stop.searchable, within_m=within_m),
                 stood_at=stop.pose.tensors(),
                 twist=stop.twist if stop is not track.before else None,
+                weight=self.settings.keyframe_weight if stop is not track.before else 1.0,
             )
             for stop in stops
         ]

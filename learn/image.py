@@ -22,7 +22,7 @@ CODE_OF_ONE = 128
 class ImageSettings:
     """How a scan becomes a picture.
 
-    pixel_m: width of a pixel [m]; size: pixels a side, a multiple of 16; near_m: range below which the
+    pixel_m: width of a pixel [m]; size: pixels a side, even; near_m: range below which the
     picture is empty, where leakage and the car itself are [m].
     """
 
@@ -33,8 +33,8 @@ class ImageSettings:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.pixel_m) and self.pixel_m > 0):
             raise ValueError(f"pixel_m must be finite and above 0, got {self.pixel_m}")
-        if self.size < 16 or self.size % 16:
-            raise ValueError(f"size must be a multiple of 16 and 16 or more, got {self.size}")
+        if self.size < 16 or self.size % 2:
+            raise ValueError(f"size must be even and 16 or more, got {self.size}")
         if not (math.isfinite(self.near_m) and self.near_m >= 0):
             raise ValueError(f"near_m must be finite and 0 or more, got {self.near_m}")
 

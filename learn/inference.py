@@ -214,7 +214,7 @@ class Estimator:
 def _agreement(part: Part, motion: Motion, scale_m: float) -> float:
     """Return the weight of the matches that a motion explains."""
     off = part.matches.errors_m(relative(part.stood_at, motion)) / scale_m
-    return float((part.matches.weights * torch.exp(-0.5 * off**2)).sum())
+    return part.weight * float((part.matches.weights * torch.exp(-0.5 * off**2)).sum())
 
 
 def folded(model: KeypointModel) -> KeypointModel:

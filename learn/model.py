@@ -4,18 +4,21 @@ Source: Barnes & Posner 2020, section III and figure 2. A motion is T_destinatio
 order of gt/radar_odometry.csv: for a car that drives on, with the later scan as the source, x is positive.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import get_args
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import pad
 
 from echoscape.learn.descriptors import descriptors_at, embedding, sampled
-from echoscape.learn.fast_matching import DensePicture, Near, dense_picture, fast_search
+from echoscape.learn.fast_matching import DensePicture, Near, Search, dense_picture, fast_search
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.keypoints import Keypoints, cell_centres, expected_places, keypoints_at
 from echoscape.learn.matching import match_weights
+from echoscape.learn.near_matching import near_search
 from echoscape.learn.pixels import metres_of_pixels, pixels_of_metres
 from echoscape.learn.pose import Motion, motion_of_matches, moved, robust_motion
 from echoscape.learn.precision import (
@@ -50,14 +53,21 @@ class ModelSettings:
     pooling: Pooling = "max"
 
     def __post_init__(self) -> None:
-        if self.cells < 2 or self.image.size % self.cells:
-            raise ValueError(
-                f"cells must be 2 or more and divide the picture's {self.image.size} px, got {self.cells}"
-            )
+        if not 2 <= self.cells <= self.image.size:
+            raise ValueError(f"cells must be 2 to {self.image.size}, the picture's pixels, got {self.cells}")
         if self.pooling not in get_args(Pooling):
             raise ValueError(f"pooling must be one of {get_args(Pooling)}, got {self.pooling!r}")
         if not 0 < self.temperature < float("inf"):
             raise ValueError(f"temperature must be finite and above 0, got {self.temperature}")
+
+    @property
+    def side(self) -> int:
+        """Pixels a side that the network works on: the picture's, with an empty margin where need be.
+
+        A multiple of 16, for four times of pooling, and of the cells.
+        """
+        step = math.lcm(16, self.cells)
+        return step * math.ceil(self.image.size / step)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,8 +178,9 @@ class KeypointModel(nn.Module):
         return self.matches(found, into, matching, true_places, within_m=within_m)
 
     def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
-        """Return the encoder's maps and the scores of images (B, 1, H, H)."""
-        maps = self.encoder(images)
+        """Return the encoder's maps and the scores of images (B, 1, H, H), the margin included."""
+        margin = (self.settings.side - images.shape[-1]) // 2
+        maps = self.encoder(pad(images, [margin] * 4))
         return maps, None if self.scores is None else torch.sigmoid(self.scores(maps).float())
 
     def features(self, images: Tensor) -> Features:
@@ -205,14 +216,7 @@ class KeypointModel(nn.Module):
         if within_m is not None:
             deviation_px = within_m / self.settings.image.pixel_m
             near = Near(places_px=source.points_px.detach(), deviation_px=deviation_px)
-        found = fast_search(
-            source.descriptors,
-            into.dense,
-            temperature=self.settings.temperature,
-            dtype=matching.dtype,
-            near=near,
-            spread=near is not None,
-        )
+        found = self._search(source, into, matching, near)
         places, precision = found.places_px, None
         if near is not None and found.spread_px2 is not None:
             places, precision = without_expectation(
@@ -232,6 +236,20 @@ class KeypointModel(nn.Module):
             precision=precision,
         )
 
+    def _search(self, source: Keypoints, into: Destination, matching: Matching, near: Near | None) -> Search:
+        """Return what the search for the source's keypoints says; without gradients only where it matters."""
+        temperature = self.settings.temperature
+        if near is not None and not torch.is_grad_enabled():
+            return near_search(source.descriptors, into.dense, temperature=temperature, near=near)
+        return fast_search(
+            source.descriptors,
+            into.dense,
+            temperature=temperature,
+            dtype=matching.dtype,
+            near=near,
+            spread=near is not None,
+        )
+
     def _surprisal(
         self,
         source: Keypoints,
@@ -245,10 +263,10 @@ class KeypointModel(nn.Module):
         The true place shares in the samples around it, as bilinear interpolation has it: were its descriptor
         made of finer maps than those of the samples, the network would learn to tell the two apart.
         """
-        image = self.settings.image
         true_m = true_places(self.metres(source.points_px))
-        places = pixels_of_metres(true_m, size=image.size, pixel_m=image.pixel_m)
-        inside = ((places >= 0) & (places <= image.size - 1)).all(-1)
+        side = self.settings.side
+        places = pixels_of_metres(true_m, size=side, pixel_m=self.settings.image.pixel_m)
+        inside = ((places >= 0) & (places <= side - 1)).all(-1)
         similarity = dense.similarity(source.descriptors, places.detach())
         logits = self.settings.temperature * similarity
         if near is not None:
@@ -257,8 +275,7 @@ class KeypointModel(nn.Module):
 
     def metres(self, points_px: Tensor) -> Tensor:
         """Return points (..., 2) row, column [px] as forward, right [m]."""
-        image = self.settings.image
-        return metres_of_pixels(points_px, size=image.size, pixel_m=image.pixel_m)
+        return metres_of_pixels(points_px, size=self.settings.side, pixel_m=self.settings.image.pixel_m)
 
     def embedding(self, features: Features) -> Tensor:
         """Return (B, 248), the description of the place."""

@@ -92,12 +92,14 @@ def at_middle(
 class Part:
     """Matches of one source with one destination, and where that stood in the frame of the answer.
 
-    twist: the destination's velocities, None for those that lead from the last part's to the source.
+    twist: the destination's velocities, None for those that lead from the last part's to the source; weight:
+    what its matches' own weights are multiplied by, against other parts'.
     """
 
     matches: Matches
     stood_at: Motion
     twist: Twist | None = None
+    weight: float = 1.0
 
 
 def solved(
@@ -131,7 +133,7 @@ def _joint(parts: Sequence[Part], scale_m: float | None, near: Motion | None = N
     together = Matches(
         source_m=torch.cat([part.matches.source_m for part in parts], 1),
         destination_m=torch.cat([moved(part.matches.destination_m, part.stood_at) for part in parts], 1),
-        weights=torch.cat([part.matches.weights for part in parts], 1),
+        weights=torch.cat([part.weight * part.matches.weights for part in parts], 1),
         precision=_joint_precision(parts),
     )
     return together.motion(robust_scale_m=scale_m, near=near)

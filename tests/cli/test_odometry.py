@@ -67,16 +67,16 @@ def test_learned_run_tells_its_matches(points: Path, weights: Path, tmp_path: Pa
     assert (out / "matches.png").is_file()
 
 
-def test_pairs_alone_and_compensation_are_asked_for_by_flags(
+def test_pairs_alone_and_points_as_they_are_are_asked_for_by_flags(
     points: Path, weights: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
     words = ["odometry", str(points), "--out", str(out), "--weights", str(weights)]
-    assert main([*words, "--pairs-alone", "--compensate"]) == 0
-    assert json.loads((out / "metrics.json").read_text())["method"] == "learned, pairs alone, compensated"
+    assert main([*words, "--pairs-alone", "--no-compensate"]) == 0
+    assert json.loads((out / "metrics.json").read_text())["method"] == "learned, pairs alone, not compensated"
 
 
-@pytest.mark.parametrize("flag", [("--compensate",), ("--pairs-alone",), ("--any-heading", "3")])
+@pytest.mark.parametrize("flag", [("--pairs-alone",), ("--any-heading", "3")])
 def test_what_only_the_learned_method_has_is_refused_with_others(
     flag: tuple[str, ...], points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

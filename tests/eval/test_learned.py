@@ -91,9 +91,9 @@ def test_the_name_says_how_it_is_done() -> None:
     estimator = cast(Estimator, None)
     names = [
         LearnedOdometry(Follower(estimator, settings, doppler_beta_s=beta_s)).name
-        for settings, beta_s in ((None, None), (PAIRS_ALONE, None), (None, 0.05))
+        for settings, beta_s in ((None, 0.05), (PAIRS_ALONE, 0.05), (None, None))
     ]
-    assert names == ["learned", "learned, pairs alone", "learned, compensated"]
+    assert names == ["learned", "learned, pairs alone", "learned, not compensated"]
 
 
 def test_what_is_no_weights_is_told(tmp_path: Path) -> None:

@@ -254,6 +254,28 @@ def test_a_keyframe_keeps_the_velocity_that_it_was_seen_at() -> None:
     assert last[1].twist is None
 
 
+def test_matches_with_the_keyframe_count_by_their_weight() -> None:
+    """Of a lean that is the scan before's alone less is gathered, the more the keyframe counts."""
+
+    class Leaning(Seeing):
+        def matches(
+            self, source: ScanFeatures, into: Searchable, *, within_m: float | None = None
+        ) -> Matches:
+            found = super().matches(source, into, within_m=within_m)
+            if cast(int, into.destination) == cast(int, source.seen) - 1:
+                found.destination_m[..., 1] += 0.02
+            return found
+
+    straight = way([PlaneMotion(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 12)
+    off = []
+    for weight in (1.0, 3.0, 10.0):
+        seeing = Leaning(straight)
+        settings = FollowSettings(keyframe_weight=weight, keyframe_m=50.0)
+        off.append(end(followed(seeing, settings), straight).metres)
+        assert [part.weight for part in seeing.parts[-1]] == [weight, 1.0]
+    assert off[0] > 1.8 * off[1] > 4 * off[2] > 0
+
+
 def test_matches_are_looked_for_nearby_once_there_is_an_expectation() -> None:
     # The first pair is looked at twice, for it comes as a surprise; then there is an expectation.
     seeing = Seeing(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2))
@@ -305,6 +327,8 @@ def test_settings_that_cannot_be_are_refused(name: str) -> None:
 
 
 def test_no_place_at_all_to_look_at_is_refused() -> None:
+    with pytest.raises(ValueError, match="keyframe_weight must be above 0"):
+        FollowSettings(keyframe_weight=0.0)
     with pytest.raises(ValueError, match="within_m must be above 0"):
         FollowSettings(within_m=0.0)
     with pytest.raises(ValueError, match="deviation_px must be above 0"):

@@ -1,5 +1,6 @@
 """Matching: the fast form against the plain one, values and gradients, and what a softmax must do."""
 
+import math
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from torch import Tensor
 from echoscape.learn.descriptors import dense_descriptors, descriptors_at, unit
 from echoscape.learn.fast_matching import Near, Search, dense_picture, fast_search
 from echoscape.learn.matching import expected_matches, match_weights, pixel_grid
+from echoscape.learn.near_matching import REACH, near_search
 from echoscape.learn.unet import Maps
 from tests.learn.maps import drawn_maps, drawn_points
 
@@ -166,6 +168,32 @@ def test_the_spread_is_the_covariance_under_the_softmax(stride: int, deviation_p
         _slopes(found.places_px, [queries]), _slopes(plain.places_px, [queries]), strict=True
     ):
         assert_allclose(mine, theirs)
+
+
+@pytest.mark.parametrize(("stride", "deviation_px"), [(1, 1.5), (2, 3.0)])
+def test_a_search_of_what_is_in_reach_is_the_softmax_over_it(stride: int, deviation_px: float) -> None:
+    """At corners too; and where all looks much alike, that of the whole picture."""
+    queries, maps = _case(torch.float64)
+    expected = drawn_points(9, SIZE, dtype=torch.float64)
+    expected[:, 0], expected[:, 1] = 0.0, SIZE - 1.0
+    near, picture = Near(places_px=expected, deviation_px=deviation_px), dense_picture(maps, stride=stride)
+    samples = pixel_grid(SIZE // stride, SIZE // stride, like=queries)
+    middle = ((expected[0] + 0.5) / stride - 0.5).round().clamp(0, SIZE // stride - 1)
+    reach = math.ceil(REACH * deviation_px / stride)
+    seen = ((samples - middle[:, None]).abs() <= reach).all(-1)  # (N, P)
+    places = (samples + 0.5) * stride - 0.5
+    logits = T * (queries @ picture.descriptors.flatten(2)) + near.log_density(places[:, None]).T
+    logits = logits[0].detach().masked_fill(~seen, -math.inf)
+    chances = logits.softmax(-1)
+    away = places - (chances @ places)[:, None]
+    found = near_search(queries, picture, temperature=T, near=near)
+    assert_allclose(found.places_px[0], chances @ places, atol=1e-9)
+    assert_allclose(found.log_sums[0], logits.logsumexp(-1), atol=1e-9)
+    assert found.spread_px2 is not None
+    assert_allclose(found.spread_px2[0], torch.einsum("np,npi,npj->nij", chances, away, away), atol=1e-9)
+    every = fast_search(queries, picture, temperature=2.0, dtype=torch.float64, near=near)
+    found = near_search(queries, picture, temperature=2.0, near=near)
+    assert_allclose(found.places_px, every.places_px.detach(), atol=0.01 * deviation_px)
 
 
 def test_an_expected_place_far_from_any_likeness_is_found_in_low_precision_too() -> None:

@@ -208,6 +208,25 @@ def test_headings_find_a_source_that_was_turned() -> None:
         estimator.estimate_any_heading(source, destination, headings=0)
 
 
+@pytest.mark.parametrize("size", [150, 100, 20])
+def test_a_picture_of_any_size_has_its_cells_and_is_measured_alike(size: int) -> None:
+    """What has no multiple of 16 and of the cells is seen with an empty margin about the same middle."""
+    odd = ModelSettings(image=ImageSettings(pixel_m=PIXEL_M, size=size))
+    wide = ModelSettings(image=ImageSettings(pixel_m=PIXEL_M, size=odd.side))
+    assert odd.side == 80 * math.ceil(size / 80)
+    models = [initial_model(each, seed=1).eval() for each in (odd, wide)]
+    picture = torch.rand(1, 1, size, size, generator=torch.Generator().manual_seed(2))
+    shown = torch.nn.functional.pad(picture, [(odd.side - size) // 2] * 4)
+    with torch.no_grad():
+        found, wanted = (model.features(each) for model, each in zip(models, (picture, shown), strict=True))
+    assert found.keypoints.points_px.shape == (1, 400, 2)
+    assert_allclose(models[0].metres(found.keypoints.points_px), models[1].metres(wanted.keypoints.points_px))
+    codes = _codes()
+    scan = Estimator(models[0]).features(codes, BIN_M)
+    motion = Estimator(models[0]).estimate(scan, scan).motion
+    assert math.isfinite(motion.length_m)
+
+
 def test_matches_are_told_in_the_scans_own_frames_wherever_pictures_show_them() -> None:
     settings = ModelSettings(image=SETTINGS.image, temperature=3000.0, location_head=False, score_head=False)
     codes = _codes()
@@ -226,7 +245,7 @@ def test_matches_are_told_in_the_scans_own_frames_wherever_pictures_show_them() 
 
 @pytest.mark.parametrize(
     ("wrong", "told"),
-    [({"cells": 7}, "cells"), ({"temperature": 0.0}, "temperature")],
+    [({"cells": 1}, "cells"), ({"cells": 400}, "cells"), ({"temperature": 0.0}, "temperature")],
 )
 def test_settings_that_make_no_model_are_refused(wrong: dict, told: str) -> None:
     with pytest.raises(ValueError, match=f"{told} must"):
