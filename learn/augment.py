@@ -28,17 +28,10 @@ class TurnSettings:
     """Step of training from which turns are up to the largest, after an even growth."""
     largest_shift_m: float = 0.0
     """Largest shift of one picture against the other, forward and right, either way [m]."""
-    missed_m: float = 0.3
-    """How far off an expected pair is shown, forward and right, standard deviation [m]."""
-    missed_rad: float = 0.01
-    """The same of its heading [rad]."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.largest_shift_m < math.inf:
             raise ValueError(f"largest_shift_m must be finite and 0 or more, got {self.largest_shift_m}")
-        for name in ("missed_m", "missed_rad"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be finite and 0 or more, got {getattr(self, name)}")
         if not 0 <= self.largest_rad <= math.pi:
             raise ValueError(f"largest_rad must be between 0 and pi, got {self.largest_rad}")
         if not 0 <= self.first_step < self.full_step:
@@ -80,23 +73,6 @@ def drawn_turns(settings: TurnSettings, step: int, *, rng: np.random.Generator) 
         shift = (forward, right)
     turn = common + relative * settings.bound_rad(step)
     return Turns(source_rad=turn, destination_rad=common, shift_m=shift)
-
-
-def expected_turns(settings: TurnSettings, motion: PlaneMotion, *, rng: np.random.Generator) -> Turns:
-    """Draw the turns of a pair that is shown where it is expected, as following a drive shows it.
-
-    The source is shown at its pose in the destination's frame (motion: T_destination_source), missed by
-    normal draws; a common heading is drawn as for others.
-    """
-    common = rng.uniform(-math.pi, math.pi) if settings.common else 0.0
-    forward, right = (rng.standard_normal(2) * settings.missed_m).tolist()
-    missed = PlaneMotion(x_m=forward, y_m=right, yaw_rad=float(rng.standard_normal()) * settings.missed_rad)
-    shown = motion.then(missed)
-    return Turns(
-        source_rad=common + shown.yaw_rad,
-        destination_rad=common,
-        shift_m=rotated((shown.x_m, shown.y_m), common),
-    )
 
 
 def turned(motion: PlaneMotion, turns: Turns) -> PlaneMotion:

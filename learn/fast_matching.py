@@ -49,10 +49,10 @@ class DensePicture:
 class Search:
     """What a search of N keypoints in B pictures says.
 
-    places_px: (B, N, 2) expected row, column [px]; log_sums: (B, N), the logarithm of the sum over all
+    places_px: (B, N, 2) expected row, column [px]; log_sums: (B, N), the logarithm of the sum over the
     samples of exp(T q . d), times the normal distribution where there is one: the softmax's denominator;
-    spread_px2: (B, N, 2, 2), where it was asked for, the softmax's covariance of row, column [px^2], which
-    has no gradient.
+    spread_px2: (B, N, 2, 2), of a search near expected places, the softmax's covariance of row, column
+    [px^2].
     """
 
     places_px: Tensor
@@ -74,108 +74,49 @@ def dense_picture(maps: Maps, *, stride: int = 1) -> DensePicture:
     return DensePicture(descriptors=unit(torch.cat([finest, *coarse], 1), dim=1), stride=stride)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Near:
-    """Where keypoints are expected: places_px (B, N, 2) row, column, and a standard deviation [px]."""
-
-    places_px: Tensor
-    deviation_px: float
-
-    def __post_init__(self) -> None:
-        if not self.deviation_px > 0:
-            raise ValueError(f"deviation_px must be above 0, got {self.deviation_px}")
-
-    def log_density(self, places_px: Tensor) -> Tensor:
-        """Return (B, N): the logarithm of what the softmax is multiplied by at places (B, N, 2)."""
-        return -((places_px - self.places_px) ** 2).sum(-1) / (2 * self.deviation_px**2)
-
-
 def fast_search(
-    queries: Tensor,
-    picture: DensePicture,
-    *,
-    temperature: float,
-    dtype: torch.dtype = torch.float32,
-    near: Near | None = None,
-    spread: bool = False,
+    queries: Tensor, picture: DensePicture, *, temperature: float, dtype: torch.dtype = torch.float32
 ) -> Search:
     """Look for descriptors (B, N, 248) of unit length in pictures, with gradients.
 
     The places are those of `matching.expected_matches` on the picture's grid; dtype: of the products, whose
-    sums stay float32; near: a normal distribution that the softmax is multiplied by, none by default; it has
-    no gradient; spread: whether the softmax's covariance is asked for as well.
+    sums stay float32.
     """
     rows, columns = picture.descriptors.shape[-2:]
-    weights = _moments_of_samples(pixel_grid(rows, columns, like=queries), squares=spread)
-    places, log_sums, spreads = [], [], []
-    for i, (query, descriptors) in enumerate(zip(queries, picture.descriptors, strict=True)):
-        nearness = None if near is None else _nearness(near, i, picture.stride)
-        place, log_sum, squares = _Searched.apply(
-            temperature * query, descriptors.flatten(1), weights, dtype, nearness
-        )
+    grid = pixel_grid(rows, columns, like=queries)
+    weights = torch.cat([torch.ones_like(grid[:, :1]), grid], 1).T.contiguous()
+    places, log_sums = [], []
+    for query, descriptors in zip(queries, picture.descriptors, strict=True):
+        place, log_sum = _Searched.apply(temperature * query, descriptors.flatten(1), weights, dtype)
         places.append((place + 0.5) * picture.stride - 0.5)
         log_sums.append(log_sum)
-        spreads.append(squares * picture.stride**2)
-    return Search(
-        places_px=torch.stack(places),
-        log_sums=torch.stack(log_sums),
-        spread_px2=torch.stack(spreads) if spread else None,
-    )
-
-
-def _moments_of_samples(grid: Tensor, *, squares: bool) -> Tensor:
-    """Return (3, P): 1, row, column of samples (P, 2); with squares (6, P), products about the middle too."""
-    parts = [torch.ones_like(grid[:, :1]), grid]
-    if squares:
-        row, column = (grid - grid.mean(0)).unbind(1)
-        parts.append(torch.stack([row**2, row * column, column**2], 1))
-    return torch.cat(parts, 1).T.contiguous()
-
-
-def _nearness(near: Near, picture: int, stride: int) -> Tensor:
-    """Return (N, 4), which times (1, row, column, row^2 + column^2) is -|p - place|^2 / (2 deviation^2)."""
-    place = (near.places_px[picture] + 0.5) / stride - 0.5
-    square = (place**2).sum(1, keepdim=True)
-    return (
-        torch.cat([-square / 2, place, torch.full_like(square, -0.5)], 1) * (stride / near.deviation_px) ** 2
-    )
+    return Search(places_px=torch.stack(places), log_sums=torch.stack(log_sums))
 
 
 class _Searched(Function):
-    """Softmax of queries (N, K) times descriptors (K, P): expected place in samples, log sum, covariance.
-
-    The covariance (N, 2, 2) is empty where the samples' moments hold no squares.
-    """
+    """Softmax of queries (N, K) times descriptors (K, P): expected place in samples, and log sum."""
 
     @staticmethod
     def forward(  # type: ignore[override]
-        ctx: Any,
-        queries: Tensor,
-        descriptors: Tensor,
-        weights: Tensor,
-        dtype: torch.dtype,
-        nearness: Tensor | None,
-    ) -> tuple[Tensor, Tensor, Tensor]:
+        ctx: Any, queries: Tensor, descriptors: Tensor, weights: Tensor, dtype: torch.dtype
+    ) -> tuple[Tensor, Tensor]:
         left, right = queries.to(dtype), descriptors.to(dtype)
         kept: list[Tensor] = []
         keep = kept if any(ctx.needs_input_grad) else None
-        shift = _largest(left, right, weights, nearness, _EVERY)
-        sums = _sums(left, right, shift, weights, nearness, keep)
+        shift = _largest(left, right, _EVERY)
+        sums = _sums(left, right, shift, weights, keep)
         if not bool(sums.isfinite().all() and (sums[:, 0] > _SMALLEST_SUM).all()):
             kept.clear()
-            shift = _largest(left, right, weights, nearness, 1)
-            sums = _sums(left, right, shift, weights, nearness, keep)
-        means = sums[:, 1:] / sums[:, :1]
-        places = means[:, :2].contiguous()
-        ctx.save_for_backward(left, right, weights[:3], sums[:, 0], places, *kept)
-        spread = _covariance(places - weights[1:3].mean(1), means[:, 2:])
-        ctx.mark_non_differentiable(spread)
-        return places, shift.to(sums.dtype) + sums[:, 0].log(), spread
+            shift = _largest(left, right, 1)
+            sums = _sums(left, right, shift, weights, keep)
+        places = sums[:, 1:] / sums[:, :1]
+        ctx.save_for_backward(left, right, weights, sums[:, 0], places, *kept)
+        return places, shift.to(sums.dtype) + sums[:, 0].log()
 
     @staticmethod
     @once_differentiable
     def backward(  # type: ignore[override]
-        ctx: Any, slope: Tensor, log_slope: Tensor, _: Tensor
+        ctx: Any, slope: Tensor, log_slope: Tensor
     ) -> tuple[Tensor | None, ...]:
         """Return the derivatives by queries and descriptors.
 
@@ -193,52 +134,21 @@ class _Searched(Function):
             piece = (factor @ weights[:, part]).mul_(numerators).to(right.dtype)
             by_left += piece @ right[:, part].T
             by_right[:, part] = left.T @ piece
-        return by_left, by_right, None, None, None
+        return by_left, by_right, None, None
 
 
-def _covariance(mean: Tensor, squares: Tensor) -> Tensor:
-    """Return (N, 2, 2) of means (N, 2) and mean products (N, 3) of row and column about the same point."""
-    if squares.shape[1] == 0:
-        return squares.new_empty(len(mean), 0)
-    row, column = mean.unbind(1)
-    row_row, row_column, column_column = (squares - torch.stack([row**2, row * column, column**2], 1)).unbind(
-        1
-    )
-    return torch.stack([row_row, row_column, row_column, column_column], 1).unflatten(1, (2, 2))
-
-
-def _largest(left: Tensor, right: Tensor, weights: Tensor, nearness: Tensor | None, every: int) -> Tensor:
+def _largest(left: Tensor, right: Tensor, every: int) -> Tensor:
     """Return (N,): the largest logit of every so many samples."""
-    logits = left @ right[:, ::every]
-    if nearness is not None:
-        logits = logits.to(weights.dtype) + nearness @ _terms(weights[:, ::every])
-    return logits.amax(1).to(left.dtype)
+    return (left @ right[:, ::every]).amax(1)
 
 
-def _terms(weights: Tensor) -> Tensor:
-    """Return (4, P): what `_nearness` is multiplied by, of (1, row, column) of P samples."""
-    return torch.cat([weights[:3], (weights[1:3] ** 2).sum(0, keepdim=True)])
-
-
-def _sums(
-    left: Tensor,
-    right: Tensor,
-    shift: Tensor,
-    weights: Tensor,
-    nearness: Tensor | None,
-    keep: list[Tensor] | None,
-) -> Tensor:
-    """Return (N, M): the sums over samples of e times weights (M, P), e = exp(logits - shift), kept.
-
-    Logits are left right, and nearness times the samples' terms where it is given.
-    """
-    total = weights.new_zeros(len(left), len(weights))
+def _sums(left: Tensor, right: Tensor, shift: Tensor, weights: Tensor, keep: list[Tensor] | None) -> Tensor:
+    """Return (N, 3): the sums over samples of e times weights (3, P), e = exp(left right - shift), kept."""
+    total = weights.new_zeros(len(left), 3)
     # The shift goes into the product, so that in bfloat16 logits near the highest keep their digits.
     start = -shift[:, None]
     for part in _pieces(right):
         numerators = torch.addmm(start, left, right[:, part]).to(weights.dtype)
-        if nearness is not None:
-            numerators.addmm_(nearness, _terms(weights[:, part]))
         numerators.clamp_(min=_LEAST_LOGIT).exp_()
         total += linear(numerators, weights[:, part])
         if keep is not None:

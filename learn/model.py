@@ -14,11 +14,11 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from echoscape.learn.descriptors import descriptors_at, embedding, sampled
-from echoscape.learn.fast_matching import DensePicture, Near, Search, dense_picture, fast_search
+from echoscape.learn.fast_matching import DensePicture, dense_picture, fast_search
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.keypoints import Keypoints, cell_centres, expected_places, keypoints_at
 from echoscape.learn.matching import match_weights
-from echoscape.learn.near_matching import near_search
+from echoscape.learn.near_matching import Near, near_search
 from echoscape.learn.pixels import metres_of_pixels, pixels_of_metres
 from echoscape.learn.pose import Motion, motion_of_matches, moved, robust_motion
 from echoscape.learn.precision import (
@@ -160,12 +160,11 @@ class KeypointModel(nn.Module):
         matching: Matching,
         network_dtype: torch.dtype,
         true_places: TruePlaces | None = None,
-        within_m: float | None = None,
     ) -> Matches:
         """Return the matches between pictures (B, 1, H, H), for training.
 
         Both go through the network together; keypoints are looked for in the source alone. network_dtype:
-        of the convolutions; true_places: for the matches' surprisal; within_m: see `matches`.
+        of the convolutions; true_places: see `matches`.
         """
         count = source.shape[0]
         with torch.autocast("cpu", network_dtype, enabled=network_dtype != torch.float32):
@@ -175,7 +174,7 @@ class KeypointModel(nn.Module):
         maps = tuple(each.float() for each in maps)
         found = self.keypoints(tuple(each[:count] for each in maps), _part(scores, 0, count), logits)
         into = destination_of(tuple(each[count:] for each in maps), _part(scores, count, None), matching)
-        return self.matches(found, into, matching, true_places, within_m=within_m)
+        return self.matches(found, into, matching, true_places)
 
     def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
         """Return the encoder's maps and the scores of images (B, 1, H, H), the margin included."""
@@ -208,24 +207,19 @@ class KeypointModel(nn.Module):
     ) -> Matches:
         """Look for the source's keypoints in destinations, prepared for the same matching.
 
-        true_places: where each keypoint truly is in the destination, for the matches' surprisal; within_m:
-        where pictures are shown in one frame, how far from its own place each is expected, as a standard
-        deviation [m]; None expects it anywhere alike.
+        within_m: where pictures are shown in one frame, how far from its own place each keypoint is expected,
+        as a standard deviation [m]; None expects it anywhere alike. true_places: where each truly is in the
+        destination, for the surprisal of matches that are expected anywhere.
         """
-        near = None
-        if within_m is not None:
-            deviation_px = within_m / self.settings.image.pixel_m
-            near = Near(places_px=source.points_px.detach(), deviation_px=deviation_px)
-        found = self._search(source, into, matching, near)
-        places, precision = found.places_px, None
-        if near is not None and found.spread_px2 is not None:
-            places, precision = without_expectation(
-                places, found.spread_px2, near.places_px, near.deviation_px
-            )
-            precision = precision_of_pixels(precision)
-        surprisal = None
-        if true_places is not None:
-            surprisal = self._surprisal(source, into.dense, found.log_sums, true_places, near)
+        precision = surprisal = None
+        if within_m is None:
+            temperature = self.settings.temperature
+            found = fast_search(source.descriptors, into.dense, temperature=temperature, dtype=matching.dtype)
+            places = found.places_px
+            if true_places is not None:
+                surprisal = self._surprisal(source, into.dense, found.log_sums, true_places)
+        else:
+            places, precision = self._near(source, into.dense, within_m)
         similarity = (source.descriptors * descriptors_at(into.maps, places)).sum(-1)
         matched = torch.ones_like(similarity) if into.scores is None else sampled(into.scores, places)[..., 0]
         return Matches(
@@ -236,19 +230,16 @@ class KeypointModel(nn.Module):
             precision=precision,
         )
 
-    def _search(self, source: Keypoints, into: Destination, matching: Matching, near: Near | None) -> Search:
-        """Return what the search for the source's keypoints says; without gradients only where it matters."""
-        temperature = self.settings.temperature
-        if near is not None and not torch.is_grad_enabled():
-            return near_search(source.descriptors, into.dense, temperature=temperature, near=near)
-        return fast_search(
-            source.descriptors,
-            into.dense,
-            temperature=temperature,
-            dtype=matching.dtype,
-            near=near,
-            spread=near is not None,
+    def _near(self, source: Keypoints, dense: DensePicture, within_m: float) -> tuple[Tensor, Tensor]:
+        """Return places (B, N, 2) [px] found near the keypoints' own, and their precisions (B, N, 2, 2)."""
+        deviation_px = within_m / self.settings.image.pixel_m
+        near = Near(places_px=source.points_px, deviation_px=deviation_px)
+        found = near_search(source.descriptors, dense, temperature=self.settings.temperature, near=near)
+        assert found.spread_px2 is not None
+        places, precision = without_expectation(
+            found.places_px, found.spread_px2, source.points_px, deviation_px
         )
+        return places, precision_of_pixels(precision)
 
     def _surprisal(
         self,
@@ -256,9 +247,8 @@ class KeypointModel(nn.Module):
         dense: DensePicture,
         log_sums: Tensor,
         true_places: TruePlaces,
-        near: Near | None,
     ) -> Tensor:
-        """Return (B, N) [nat]: log sum - logit at the true places, 0 where these are not in the picture.
+        """Return (B, N) [nat]: log sum - T q . d at the true places, 0 where these are not in the picture.
 
         The true place shares in the samples around it, as bilinear interpolation has it: were its descriptor
         made of finer maps than those of the samples, the network would learn to tell the two apart.
@@ -268,10 +258,7 @@ class KeypointModel(nn.Module):
         places = pixels_of_metres(true_m, size=side, pixel_m=self.settings.image.pixel_m)
         inside = ((places >= 0) & (places <= side - 1)).all(-1)
         similarity = dense.similarity(source.descriptors, places.detach())
-        logits = self.settings.temperature * similarity
-        if near is not None:
-            logits = logits + near.log_density(places.detach())
-        return torch.where(inside, log_sums - logits, 0.0)
+        return torch.where(inside, log_sums - self.settings.temperature * similarity, 0.0)
 
     def metres(self, points_px: Tensor) -> Tensor:
         """Return points (..., 2) row, column [px] as forward, right [m]."""

@@ -1,25 +1,37 @@
-"""Matching near expected places: `fast_matching` with a normal distribution, of the samples in its reach.
+"""Matching near expected places: a softmax over the samples around each, times a normal distribution.
 
-Source: the sums of `fast_matching`. Where keypoints are looked for within a metre or two, almost all of a
-picture weighs nothing; only samples up to `REACH` standard deviations away, each way, are compared. Without
-gradients.
+Source: the softmax of `matching`, times a normal distribution. Where keypoints are looked for within a metre
+or two, almost all of a picture weighs nothing; only samples up to `REACH` standard deviations away, each way,
+are compared.
 """
 
 import math
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from echoscape.learn.fast_matching import DensePicture, Near, Search
+from echoscape.learn.fast_matching import DensePicture, Search
 from echoscape.learn.matching import pixel_grid
 
 REACH = 3.5
 """Standard deviations that samples are looked at up to: what lies beyond has less than a thousandth."""
 
 
-@torch.no_grad()
+@dataclass(frozen=True, kw_only=True)
+class Near:
+    """Where keypoints are expected: places_px (B, N, 2) row, column, and a standard deviation [px]."""
+
+    places_px: Tensor
+    deviation_px: float
+
+    def __post_init__(self) -> None:
+        if not self.deviation_px > 0:
+            raise ValueError(f"deviation_px must be above 0, got {self.deviation_px}")
+
+
 def near_search(queries: Tensor, picture: DensePicture, *, temperature: float, near: Near) -> Search:
-    """Return what `fast_search` does with `near` and the spread, but for samples out of reach."""
+    """Look for descriptors (B, N, 248) of unit length in pictures near where they are expected."""
     found = [
         _searched(temperature * query, descriptors, places, near.deviation_px, picture.stride)
         for query, descriptors, places in zip(queries, picture.descriptors, near.places_px, strict=True)

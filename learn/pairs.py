@@ -5,7 +5,7 @@ and loop closure ask for. What is drawn depends on the generator given alone: a 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from echoscape.learn.augment import Turns, TurnSettings, drawn_turns, expected_turns, turned
+from echoscape.learn.augment import Turns, TurnSettings, drawn_turns, turned
 from echoscape.learn.cells_cache import Report, cells_of
 from echoscape.learn.image import ImageSettings, Projector
 from echoscape.learn.plane_motion import PlaneMotion
@@ -29,16 +29,12 @@ LARGEST_GAP = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """Two scans of a drive, by number, and what to turn their pictures by.
-
-    expected: whether what stands still is nearly in the same place in both pictures, to be looked for there.
-    """
+    """Two scans of a drive, by number, and what to turn their pictures by."""
 
     drive: int
     source: int
     destination: int
     turns: Turns = field(default_factory=Turns)
-    expected: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,18 +94,9 @@ class PairSet:
         self.drives = [_drive(Path(folder), image, cache, report) for folder in folders]
 
     def drawn(
-        self,
-        turns: TurnSettings,
-        step: int,
-        *,
-        rng: np.random.Generator,
-        gap_power: float = 0.0,
-        expected: bool = False,
+        self, turns: TurnSettings, step: int, *, rng: np.random.Generator, gap_power: float = 0.0
     ) -> Pair:
-        """Draw a pair: any drive by its number of scans, gap g by g^-gap_power, either order.
-
-        expected: whether it is shown where it is expected, rather than turned and shifted at random.
-        """
+        """Draw a pair: any drive by its number of scans, gap g by g^-gap_power, either order."""
         lengths = np.array([len(drive.cells) for drive in self.drives], float)
         drive = int(rng.choice(len(self.drives), p=lengths / lengths.sum()))
         candidates = self.drives[drive].candidates
@@ -120,11 +107,7 @@ class PairSet:
         earlier, later = fitting[int(rng.integers(len(fitting)))]
         if rng.random() < 0.5:
             earlier, later = later, earlier
-        pair = Pair(drive=drive, source=later, destination=earlier, expected=expected)
-        if not expected:
-            return replace(pair, turns=drawn_turns(turns, step, rng=rng))
-        motion = plane_motion(self.drives[drive].poses, pair)
-        return replace(pair, turns=expected_turns(turns, motion, rng=rng))
+        return Pair(drive=drive, source=later, destination=earlier, turns=drawn_turns(turns, step, rng=rng))
 
     def batch(self, pairs: Sequence[Pair]) -> Batch:
         """Return the pictures and motions of pairs."""

@@ -24,7 +24,6 @@ from echoscape.learn.loss import likelihood_loss, match_loss, pose_errors, pose_
 from echoscape.learn.model import KeypointModel, Matches, ModelSettings
 from echoscape.learn.pairs import PairSet
 from echoscape.learn.pose import ROBUST_SCALE_PX, Motion
-from echoscape.learn.precision import WITHIN_M
 from echoscape.learn.processes import joined_processes
 from echoscape.learn.train_settings import DTYPES, TrainSettings
 from echoscape.learn.training_log import LOG_FILE, Report, TrainingLog
@@ -109,7 +108,6 @@ class _Run:
                 settings.validate_pairs,
                 seed=settings.seed,
                 gap_power=settings.gap_power,
-                expected_share=settings.expected_share,
             )
         )
 
@@ -163,11 +161,8 @@ class _Run:
         """Return the mean loss and the mean errors [m], [rad] of one step."""
         step, settings = self.progress.step, self.settings
         rng = np.random.default_rng(np.random.SeedSequence([settings.seed, 0, step, self.rank]))
-        expected = settings.expected_share > 0 and bool(rng.random() < settings.expected_share)
         drawn = [
-            self.data.training.drawn(
-                settings.turns, step, rng=rng, gap_power=settings.gap_power, expected=expected
-            )
+            self.data.training.drawn(settings.turns, step, rng=rng, gap_power=settings.gap_power)
             for _ in range(settings.pairs)
         ]
         batch = self.data.training.batch(drawn)
@@ -175,8 +170,8 @@ class _Run:
         self.optimiser.zero_grad(set_to_none=True)
         truth = batch.truth if settings.compensate else Truth(motion=batch.motion)
         places = truth.places if settings.likelihood_weight > 0 else None
-        network, within_m = DTYPES[settings.network], WITHIN_M if expected else None
-        found = self.forward(batch.source, batch.destination, settings.matching, network, places, within_m)
+        network = DTYPES[settings.network]
+        found = self.forward(batch.source, batch.destination, settings.matching, network, places)
         matches = truth.at_middle(found)
         scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m if settings.robust_pose else None
         motion = matches.motion(robust_scale_m=scale_m)

@@ -57,9 +57,6 @@ class TrainSettings:
     """How pictures are turned."""
     gap_power: float = 0.0
     """Pairs g scans apart are drawn in proportion to g^-gap_power; 0: all gaps alike."""
-    expected_share: float = 0.0
-    """Share of steps whose pairs are shown where they are expected and looked for near there, as in a drive
-    that is followed, rather than turned and shifted at random. It takes --robust-pose."""
     compensate: bool = False
     """Move points to mid-scan and undo their Doppler shifts, by the true velocities, before poses are solved
     and errors are told."""
@@ -88,11 +85,6 @@ class TrainSettings:
         for name in (*free, "match_weight", "likelihood_weight", "score_weight", "gap_power"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise ValueError(f"{name} must be finite and 0 or more, got {getattr(self, name)}")
-
-        if not 0 <= self.expected_share <= 1:
-            raise ValueError(f"expected_share must be between 0 and 1, got {self.expected_share}")
-        if self.expected_share > 0 and not self.robust_pose:
-            raise ValueError("expected_share above 0 takes robust_pose: matches count by direction")
 
     def rate(self, step: int) -> float:
         """Return the learning rate at a step."""

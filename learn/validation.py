@@ -11,7 +11,6 @@ from echoscape.learn.loss import pose_errors, pose_loss
 from echoscape.learn.model import KeypointModel, Matching
 from echoscape.learn.pairs import Pair, PairSet
 from echoscape.learn.pose import ROBUST_SCALE_PX
-from echoscape.learn.precision import WITHIN_M
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,26 +25,13 @@ class PairErrors:
 
 
 def fixed_pairs(
-    pairs: PairSet,
-    count: int,
-    *,
-    seed: int,
-    largest_rad: float = 0.0,
-    gap_power: float = 0.0,
-    expected_share: float = 0.0,
+    pairs: PairSet, count: int, *, seed: int, largest_rad: float = 0.0, gap_power: float = 0.0
 ) -> list[Pair]:
-    """Return pairs drawn once and for all; largest_rad: of the source's turn, both headings at 0.
-
-    expected_share: of the pairs that are shown where they are expected, the first ones.
-    """
+    """Return pairs drawn once and for all; largest_rad: of the source's turn, both headings at 0."""
     turns = TurnSettings(common=False, largest_rad=largest_rad, first_step=0, full_step=1)
     stream = np.random.SeedSequence([seed, 1])
     draws = map(np.random.default_rng, stream.spawn(count))
-    expected = round(expected_share * count)
-    return [
-        pairs.drawn(turns, 1, rng=each, gap_power=gap_power, expected=number < expected)
-        for number, each in enumerate(draws)
-    ]
+    return [pairs.drawn(turns, 1, rng=each, gap_power=gap_power) for each in draws]
 
 
 @torch.no_grad()
@@ -70,8 +56,7 @@ def pair_errors(
     found = []
     for pair in chosen:
         batch = pairs.batch([pair])
-        within_m = WITHIN_M if pair.expected else None
-        matches = model(batch.source, batch.destination, matching, dtype, None, within_m)
+        matches = model(batch.source, batch.destination, matching, dtype)
         if compensate:
             matches = batch.truth.at_middle(matches)
         motion = matches.motion(robust_scale_m=scale_m)

@@ -12,11 +12,11 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.learn.fast_matching import Near
 from echoscape.learn.following import PAIRS_ALONE, Follower, FollowSettings, Scan
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures, Searchable
 from echoscape.learn.model import Matches, ModelSettings
+from echoscape.learn.near_matching import Near
 from echoscape.learn.plane_motion import STILL, PlaneMotion
 from echoscape.learn.rolling import Part, Rolling, RollingError
 from echoscape.learn.train import initial_model

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from echoscape.learn.augment import Turns, TurnSettings, drawn_turns, expected_turns, turned
+from echoscape.learn.augment import Turns, TurnSettings, drawn_turns, turned
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.pairs import Pair, PairSet
 from echoscape.learn.pixels import pixels_of_metres
@@ -125,32 +125,6 @@ def test_shifts_are_uniform_up_to_the_largest() -> None:
     assert drawn_turns(TurnSettings(), 0, rng=rng).shift_m == (0.0, 0.0)
     with pytest.raises(ValueError, match="largest_shift_m must"):
         TurnSettings(largest_shift_m=-1.0)
-
-
-@pytest.mark.parametrize("common", [True, False])
-def test_what_stands_still_is_shown_where_it_is_expected_but_for_what_is_missed(common: bool) -> None:
-    motion, rng = PlaneMotion(x_m=4.0, y_m=-1.0, yaw_rad=0.7), np.random.default_rng(2)
-    exact = TurnSettings(common=common, missed_m=0.0, missed_rad=0.0)
-    still = turned(motion, expected_turns(exact, motion, rng=rng))
-    assert_allclose([still.x_m, still.y_m, still.yaw_rad], 0, atol=1e-12)
-    missing = TurnSettings(common=common, missed_m=0.4, missed_rad=0.02)
-    off = [turned(motion, expected_turns(missing, motion, rng=rng)) for _ in range(2000)]
-    found = np.array([(each.x_m, each.y_m, each.yaw_rad) for each in off])
-    assert_allclose(found.mean(axis=0), 0, atol=0.04)
-    assert_allclose(found.std(axis=0), [0.4, 0.4, 0.02], rtol=0.06)
-    with pytest.raises(ValueError, match="missed_m must"):
-        TurnSettings(missed_m=-0.1)
-
-
-def test_pairs_are_drawn_to_be_shown_where_they_are_expected(pairs: PairSet) -> None:
-    exact = TurnSettings(missed_m=0.0, missed_rad=0.0)
-    drawn = pairs.drawn(exact, 0, rng=np.random.default_rng(4), expected=True)
-    assert drawn.expected
-    assert drawn.turns.source_rad != drawn.turns.destination_rad
-    motion = pairs.batch([drawn]).motion
-    assert_allclose(motion.translation_m, 0, atol=1e-5)
-    assert_allclose(motion.yaw_rad, 0, atol=1e-6)
-    assert not pairs.drawn(exact, 0, rng=np.random.default_rng(4)).expected
 
 
 def test_draws_depend_on_the_generator_alone_and_have_both_orders_and_all_gaps(pairs: PairSet) -> None:

@@ -3,7 +3,6 @@
 import json
 import sys
 import types
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,13 @@ from torch import Tensor
 from echoscape.cli.train import main
 from echoscape.learn.augment import TurnSettings
 from echoscape.learn.image import ImageSettings
-from echoscape.learn.model import Matching, ModelSettings
+from echoscape.learn.model import ModelSettings
 from echoscape.learn.pairs import PairSet
 from echoscape.learn.pose import Motion
 from echoscape.learn.train import Data, initial_model, train
 from echoscape.learn.train_settings import TrainSettings
 from echoscape.learn.training_log import TrainingLog
-from echoscape.learn.validation import fixed_pairs, pair_errors
+from echoscape.learn.validation import fixed_pairs
 from echoscape.learn.weights import read_weights
 from echoscape.sim.whole_files import DatasetError
 from tests.learn.folders import write_folder
@@ -160,40 +159,6 @@ def test_losses_of_matches_change_what_is_learned(data: Data, tmp_path: Path, na
     plain = train(tmp_path / "plain", MODEL, two, data)
     told = train(tmp_path / "told", MODEL, TrainSettings(steps=2, **{name: 1.0}), data)  # type: ignore[arg-type]
     assert any(not torch.equal(a, b) for a, b in zip(plain.parameters(), told.parameters(), strict=True))
-
-
-def test_pairs_shown_where_they_are_expected_change_what_is_learned_and_runs_go_on(
-    data: Data, tmp_path: Path
-) -> None:
-    """Every loss takes part, half of the steps are of either kind, and a stop in between changes nothing."""
-    weights = {"match_weight": 0.2, "likelihood_weight": 0.5, "score_weight": 1.0}
-    told = TrainSettings(
-        steps=4, robust_pose=True, expected_share=0.5, save_every=2, validate_pairs=2, **weights
-    )
-    whole = train(tmp_path / "whole", MODEL, told, data)
-    train(tmp_path / "half", MODEL, replace(told, steps=2), data)
-    again = train(tmp_path / "half", MODEL, told, data, resume=True)
-    never = train(tmp_path / "never", MODEL, replace(told, expected_share=0.0), data)
-    always = train(tmp_path / "always", MODEL, replace(told, expected_share=1.0), data)
-    assert all(torch.equal(a, b) for a, b in zip(whole.parameters(), again.parameters(), strict=True))
-    for other in (never, always):
-        assert any(not torch.equal(a, b) for a, b in zip(whole.parameters(), other.parameters(), strict=True))
-
-
-def test_validation_shows_its_share_of_pairs_where_they_are_expected(data: Data) -> None:
-    chosen = fixed_pairs(data.training, 8, seed=1, expected_share=0.25)
-    assert [pair.expected for pair in chosen] == [True] * 2 + [False] * 6
-    near = [pair for pair in chosen if pair.expected]
-    model = initial_model(MODEL, seed=0)
-    # An untrained model finds nothing; what is looked for near its place is not far off it all the same.
-    assert pair_errors(model, data.training, near, Matching(), torch.float32).mean_m < 2
-
-
-def test_an_expectation_takes_a_pose_solved_robustly() -> None:
-    with pytest.raises(ValueError, match="takes robust_pose"):
-        TrainSettings(expected_share=0.5)
-    with pytest.raises(ValueError, match="between 0 and 1"):
-        TrainSettings(expected_share=1.5, robust_pose=True)
 
 
 def test_gradients_are_clipped_and_the_rate_falls(data: Data, tmp_path: Path) -> None:
