@@ -40,8 +40,8 @@ fidelity: $(READY)
 	$(BIN)/python -m benchmarks.fidelity_tables docs/fidelity.md \
 		build/fidelity/town_7/fidelity build/fidelity/town_101/fidelity build/fidelity/town_102/fidelity build/fidelity
 
-# Scans to learn from, to choose by and to judge on (docs/learning.md): 30 towns of 400, 3 of 100, 4 of 600; some
-# 35 GB. A set that was stopped goes on.
+# Scans to learn from, to choose weights and following by, and to judge on (docs/learning.md): 30 towns of 400, 3 of
+# 100 and 4 of 600, 4 of 600; some 40 GB. A set that was stopped goes on.
 TRAINING ?= build/training
 VARIED = $(BIN)/echoscape simulate --vary --no-preview --workers 2 --resume
 training-set: $(READY)
@@ -52,6 +52,10 @@ training-set: $(READY)
 	$(VARIED) $(TRAINING)/val_town_1001 --seed 1001 --scans 100
 	$(VARIED) $(TRAINING)/val_suburb_1002 --preset suburb --seed 1002 --scans 100
 	$(VARIED) $(TRAINING)/val_industrial_1003 --preset industrial --seed 1003 --scans 100
+	$(VARIED) $(TRAINING)/val_town_1004 --seed 1004 --scans 600
+	$(VARIED) $(TRAINING)/val_suburb_1005 --preset suburb --seed 1005 --scans 600
+	$(VARIED) $(TRAINING)/val_industrial_1006 --preset industrial --seed 1006 --scans 600
+	$(VARIED) $(TRAINING)/val_town_1007 --seed 1007 --scans 600
 	$(VARIED) $(TRAINING)/test_town_3001 --seed 3001 --scans 600
 	$(VARIED) $(TRAINING)/test_suburb_3002 --preset suburb --seed 3002 --scans 600
 	$(VARIED) $(TRAINING)/test_industrial_3003 --preset industrial --seed 3003 --scans 600

@@ -9,7 +9,6 @@ from echoscape import learn
 from echoscape.eval.estimator import Matches, PairFailed, PairMotion
 from echoscape.learn.following import PAIRS_ALONE, Follower, FollowSettings, Scan, Track
 from echoscape.learn.inference import Estimator, quick_solving
-from echoscape.learn.rolling import RollingError
 from echoscape.learn.weights import read_weights
 from echoscape.sim.polar_scan import PolarScan
 from echoscape.sim.whole_files import DatasetError
@@ -70,14 +69,9 @@ class LearnedOdometry:
         """Match the scan's keypoints in the scan before and in the keyframe, and return the motion.
 
         Raises:
-            PairFailed: the matches do not determine the rotation, or the times are none to compensate by.
+            PairFailed: the matches do not determine the motion.
         """
-        try:
-            found, track = self.follower.follow(state, self._scan(scan))
-        except RollingError as error:
-            raise PairFailed(
-                f"the scans' times leave nothing to compensate by: {error} (--no-compensate does without)"
-            ) from error
+        found, track = self.follower.follow(state, self._scan(scan))
         if not found.certain:
             raise PairFailed("the matches leave the rotation open: no weight, or all in one place")
         motion = PairMotion(

@@ -50,14 +50,11 @@ class Search:
     """What a search of N keypoints in B pictures says.
 
     places_px: (B, N, 2) expected row, column [px]; log_sums: (B, N), the logarithm of the sum over the
-    samples of exp(T q . d), times the normal distribution where there is one: the softmax's denominator;
-    spread_px2: (B, N, 2, 2), of a search near expected places, the softmax's covariance of row, column
-    [px^2].
+    samples of exp(T q . d): the softmax's denominator.
     """
 
     places_px: Tensor
     log_sums: Tensor
-    spread_px2: Tensor | None = None
 
 
 def dense_picture(maps: Maps, *, stride: int = 1) -> DensePicture:

@@ -8,6 +8,7 @@ expected at, so that what stands still stays where it was in the picture, and no
 which pooling brings about, makes a motion too short.
 """
 
+import logging
 import math
 from dataclasses import dataclass, replace
 
@@ -16,8 +17,9 @@ from numpy.typing import NDArray
 
 from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures, Searchable
 from echoscape.learn.plane_motion import STILL, PlaneMotion
-from echoscape.learn.precision import WITHIN_M
 from echoscape.learn.rolling import Part, Rolling, Twist, twist_between
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,9 +29,9 @@ class FollowSettings:
     keyframe_m, keyframe_rad: how far from its keyframe a scan may be before it is the next one [m], [rad];
     keyframe_weight: how much a match with the keyframe counts against one with the scan before, above 0;
     surprise_m, surprise_rad: by how much a pose may miss what was expected before its scan is shown anew,
-    where it was found; likely_m, likely_rad: the largest motion that is expected to go on [m], [rad];
-    within_m: how far from where it is expected a match is looked for, as a standard deviation [m], above 0,
-    once there is an expectation.
+    where it was found, and what is found then may miss that; likely_m, likely_rad: the largest motion that is
+    expected to go on [m], [rad]; within_m: how far from where it is expected a match is looked for, as a
+    standard deviation [m], above 0, once there is an expectation.
     """
 
     keyframe_m: float = 20.0
@@ -39,7 +41,7 @@ class FollowSettings:
     surprise_rad: float = 0.02
     likely_m: float = 15.0
     likely_rad: float = 0.5
-    within_m: float = WITHIN_M
+    within_m: float = 1.5
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -80,7 +82,8 @@ class Scan:
 class _Stop:
     """A scan on the way: what is kept of it, ready to be searched, and its pose in the keyframe's frame.
 
-    twist: of a keyframe, its velocities, None where nothing is known of them.
+    twist: of a keyframe, the velocities of the motion that led to it, or for want of one, of the first that
+    led on from it; None where there is neither yet.
     """
 
     features: ScanFeatures
@@ -139,14 +142,14 @@ class Follower:
     def follow(self, track: Track, scan: Scan) -> tuple[PairEstimate, Track]:
         """Return the motion T_before_scan with the matches between the two, and the track with the scan.
 
+        Points stay as they are, with a warning, where times tell no velocity or no turn.
+
         Raises:
-            ValueError: it is no scan, or, where points are to be moved to mid-scan, its times are none.
+            ValueError: it is no scan.
         """
         track = self._with_keyframe_in_reach(track)
         gap_s = scan.middle_s - track.middle_s
-        rolling = None
-        if self._doppler_beta_s is not None:
-            rolling = Rolling(turn_s=scan.turn_s, doppler_beta_s=self._doppler_beta_s, gap_s=gap_s)
+        rolling = self._rolling(scan, gap_s)
         going_on = self._expected(track, gap_s)
         expected = track.before.pose.then(going_on or STILL)
         source = self.estimator.features(
@@ -156,11 +159,17 @@ class Follower:
         if found.certain and self._is_surprise(expected.inverse().then(found.motion)):
             shown = self.estimator.shown(source, found.motion)
             again = self._found(track, shown, rolling, expecting=True)
-            if again.agreement >= found.agreement:
+            if again.certain and not self._is_surprise(found.motion.inverse().then(again.motion)):
                 found, source = again, shown
         motion = track.before.pose.inverse().then(found.motion)
         before = _Stop(features=source, searchable=self.estimator.searchable(source), pose=found.motion)
-        after = replace(track, before=before, motion=(motion, gap_s), middle_s=scan.middle_s)
+        after = replace(
+            track,
+            keyframe=_with_twist(track.keyframe, motion, gap_s),
+            before=before,
+            motion=(motion, gap_s),
+            middle_s=scan.middle_s,
+        )
         return replace(found, motion=motion), after
 
     def _keyframe(self, features: ScanFeatures) -> _Stop:
@@ -173,10 +182,18 @@ class Follower:
         if pose.length_m < reach.keyframe_m and abs(pose.yaw_rad) < reach.keyframe_rad:
             return track
         keyframe = self._keyframe(track.before.features)
-        if track.motion is not None and track.motion[1] > 0:
-            motion, took_s = track.motion
-            keyframe = replace(keyframe, twist=twist_between(motion.tensors(), took_s))
+        if track.motion is not None:
+            keyframe = _with_twist(keyframe, *track.motion)
         return replace(track, keyframe=keyframe, before=keyframe)
+
+    def _rolling(self, scan: Scan, gap_s: float) -> Rolling | None:
+        """Return how a pair came about, None where points are taken as they are: without times that tell."""
+        if self._doppler_beta_s is None:
+            return None
+        if not (math.isfinite(gap_s) and gap_s != 0 and math.isfinite(scan.turn_s) and scan.turn_s > 0):
+            _LOG.warning("times of a turn of %g s and a gap of %g s: points as they are", scan.turn_s, gap_s)
+            return None
+        return Rolling(turn_s=scan.turn_s, doppler_beta_s=self._doppler_beta_s, gap_s=gap_s)
 
     def _expected(self, track: Track, gap_s: float) -> PlaneMotion | None:
         """Return the motion of a car that goes on as it went, None where nothing is to be expected."""
@@ -208,3 +225,10 @@ class Follower:
             for stop in stops
         ]
         return self.estimator.solve(parts, rolling)
+
+
+def _with_twist(keyframe: _Stop, motion: PlaneMotion, took_s: float) -> _Stop:
+    """Return a keyframe with its velocities, unless they are known, by a motion next to it."""
+    if keyframe.twist is not None or not (took_s != 0 and math.isfinite(took_s)):
+        return keyframe
+    return replace(keyframe, twist=twist_between(motion.tensors(), took_s))

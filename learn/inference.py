@@ -72,9 +72,9 @@ def quick_solving() -> Solving:
 class PairEstimate:
     """The motion T_destination_source of a pair and the matches behind it.
 
-    source_m, destination_m: (N, 2) float32 forward, right [m], each in its own scan's frame; weights: (N,)
-    float32; certain: whether the matches determine the rotation; agreement: the weight of the matches that
-    the motion explains, those with other destinations included.
+    source_m, destination_m: (N, 2) float32 forward, right [m], each in its own scan's frame, as its picture
+    shows it; weights: (N,) float32; certain: whether the matches determine the motion; agreement: the weight
+    of the matches that the motion explains, those with other destinations included.
     """
 
     motion: PlaneMotion
@@ -149,7 +149,7 @@ class Estimator:
         The pose is told in the frame in which the parts tell their destinations'.
         """
         scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m
-        motion, parts = solved(parts, scale_m=scale_m if self.solving.robust else None, rolling=rolling)
+        motion, seen = solved(parts, scale_m=scale_m if self.solving.robust else None, rolling=rolling)
         last = parts[-1].matches
         return PairEstimate(
             motion=plane_motion_of(motion),
@@ -157,7 +157,7 @@ class Estimator:
             destination_m=last.destination_m[0].numpy(),
             weights=last.weights[0].numpy(),
             certain=bool(motion.certain),
-            agreement=sum(_agreement(part, motion, scale_m) for part in parts),
+            agreement=sum(_agreement(part, motion, scale_m) for part in seen),
         )
 
     def estimate(

@@ -32,9 +32,6 @@ from echoscape.learn.unet import Decoder, Encoder, Maps, Pooling
 TruePlaces = Callable[[Tensor], Tensor]
 """Takes keypoints (B, N, 2) forward, right [m] to where they truly are in the destination, likewise."""
 
-_SMALLEST_M = 1e-6
-"""What a distance is not told from, so that its gradient is finite [m]."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSettings:
@@ -110,7 +107,7 @@ class Matches:
     (B, N), where the true motion was given: cross entropy [nat] of the matching softmax with the samples
     around each keypoint's true place, 0 for those that are outside the destination; precision:
     (B, N, 2, 2), where matches were looked for near where they were expected: how much a destination says by
-    direction, see `precision`; the expectation is taken out of both.
+    direction, see `precision`; the expectation is taken out of it and of the places.
     """
 
     source_m: Tensor
@@ -126,11 +123,11 @@ class Matches:
         that is nearly right already, of use where precisions are known.
         """
         points = self.source_m, self.destination_m, self.weights
+        if self.precision is not None:
+            return motion_by_precision(*points, self.precision, scale_m=robust_scale_m, near=near)
         if robust_scale_m is None:
             return motion_of_matches(*points)
-        if self.precision is None:
-            return robust_motion(*points, scale_m=robust_scale_m)
-        return motion_by_precision(*points, self.precision, scale_m=robust_scale_m, near=near)
+        return robust_motion(*points, scale_m=robust_scale_m)
 
     def errors_m(self, motion: Motion) -> Tensor:
         """Return (B, N) [m]: how far destinations are from where a motion takes their sources.
@@ -140,7 +137,7 @@ class Matches:
         off_m = self.destination_m - moved(self.source_m, motion)
         if self.precision is None:
             return torch.linalg.vector_norm(off_m, dim=-1)
-        return torch.sqrt(weighed_squares(off_m, self.precision) + _SMALLEST_M**2)
+        return weighed_squares(off_m, self.precision).clamp(min=0).sqrt()
 
 
 class KeypointModel(nn.Module):
@@ -211,6 +208,8 @@ class KeypointModel(nn.Module):
         as a standard deviation [m]; None expects it anywhere alike. true_places: where each truly is in the
         destination, for the surprisal of matches that are expected anywhere.
         """
+        if true_places is not None and within_m is not None:
+            raise ValueError("true_places goes without within_m: surprisal is that of a search anywhere")
         precision = surprisal = None
         if within_m is None:
             temperature = self.settings.temperature
@@ -231,14 +230,14 @@ class KeypointModel(nn.Module):
         )
 
     def _near(self, source: Keypoints, dense: DensePicture, within_m: float) -> tuple[Tensor, Tensor]:
-        """Return places (B, N, 2) [px] found near the keypoints' own, and their precisions (B, N, 2, 2)."""
-        deviation_px = within_m / self.settings.image.pixel_m
+        """Return places (B, N, 2) [px] found near the keypoints' own, and their precisions (B, N, 2, 2).
+
+        A normal distribution narrower than a sample would choose among samples, so it is not.
+        """
+        deviation_px = max(within_m / self.settings.image.pixel_m, dense.stride)
         near = Near(places_px=source.points_px, deviation_px=deviation_px)
         found = near_search(source.descriptors, dense, temperature=self.settings.temperature, near=near)
-        assert found.spread_px2 is not None
-        places, precision = without_expectation(
-            found.places_px, found.spread_px2, source.points_px, deviation_px
-        )
+        places, precision = without_expectation(found.found, found.expected)
         return places, precision_of_pixels(precision)
 
     def _surprisal(

@@ -8,57 +8,55 @@ direction as in registration by uncertainties (Segal et al., Generalized-ICP, RS
 import torch
 from torch import Tensor
 
-from echoscape.learn.pose import Motion, moved, robust_motion, rotation_of_yaw
-
-WITHIN_M = 1.5
-"""How far from where it is expected a match of a followed drive is looked for, standard deviation [m]."""
+from echoscape.learn.near_matching import Moments
+from echoscape.learn.pose import Motion, motion_of_matches, moved, robust_motion, rotation_of_yaw
 
 _SHARPEST_PX = 0.7
 """How far off the sharpest match is taken to be [px]."""
-_MOST_SHARE = 0.9
-"""Part of the expectation's variance from which on a match is taken to say nothing of its own."""
-_LEAST_PX2 = 1 / 12
-"""Variance of a place within its pixel [px^2]."""
+_LEAST_SHARE = 0.1
+"""Of the expectation's inverse covariance: a match that adds less is taken to say nothing of its own."""
 _SCALES = (4, 2, 1, 1, 1)
 """By how much the residuals' scale is widened, round after round."""
 _LEAST_EIGENVALUE = 1e-9
 """Of the normal matrix with a diagonal of 1: from here on a motion counts as known."""
 
 
-def without_expectation(
-    places_px: Tensor, spread_px2: Tensor, expected_px: Tensor, deviation_px: float
-) -> tuple[Tensor, Tensor]:
-    """Return what was found without the normal distribution that it was looked for with.
+def without_expectation(found: Moments, expected: Moments) -> tuple[Tensor, Tensor]:
+    """Return places (B, N, 2) [px] and precisions (B, N, 2, 2) of a search without what was expected.
 
-    places_px: (B, N, 2), means; spread_px2: (B, N, 2, 2), covariances, of distributions that are products of
-    a likelihood and a normal one of mean `expected_px` (B, N, 2) and standard deviation `deviation_px`.
-    Returns the likelihood's means (B, N, 2) and precisions (B, N, 2, 2), the likelihood taken as normal: in
-    each principal direction of the spread, with its variance s, 1 / v = 1 / s - 1 / deviation^2, and the mean
-    is off the expected one by v / s times as much as was found. The precision is c^2 / (c^2 + v), c = 0.7 px:
-    1 for the sharpest matches. Where s is nearly deviation^2 it is 0, and nothing is off. Places alone have a
-    gradient.
+    What was found is a likelihood times a normal distribution, both taken as normal: inverse covariances add,
+    1 / v = 1 / s - 1 / e for v of the likelihood, s of what was found and e of what was expected, and so do
+    means times them. The precision is c^2 / (c^2 + v), c = 0.7 px, in each principal direction of v: near 1
+    for the sharpest matches. In directions in which nearly nothing is added to the expectation it is 0, and
+    the place is where it was expected.
     """
-    prior = deviation_px**2
-    direction, middle, half = _principal(spread_px2.detach())
-    variance = torch.stack([middle + half, middle - half], -1).clamp(min=_LEAST_PX2)
-    says = variance < _MOST_SHARE * prior
-    rest = torch.where(says, prior - variance, 1.0)
-    gain = torch.where(says, prior / rest, 0.0)
-    precision = torch.where(says, _SHARPEST_PX**2 / (_SHARPEST_PX**2 + variance * gain), 0.0)
-    off = (places_px - expected_px)[..., None]
-    own = expected_px + (_matrix(gain, direction) @ off)[..., 0]
+    known, before = _inverse(found.spread_px2), _inverse(expected.spread_px2)
+    off = (known @ (found.places_px - expected.places_px)[..., None])[..., 0]
+    direction, middle, half = _principal(known - before)
+    added = torch.stack([middle + half, middle - half], -1)
+    says = added > _LEAST_SHARE * before.diagonal(dim1=-2, dim2=-1).mean(-1, keepdim=True)
+    variance = torch.where(says, 1 / torch.where(says, added, 1.0), 0.0)
+    precision = torch.where(says, _SHARPEST_PX**2 / (_SHARPEST_PX**2 + variance), 0.0)
+    own = expected.places_px + (_matrix(variance, direction) @ off[..., None])[..., 0]
     return own, _matrix(precision, direction)
 
 
-def _principal(spread: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Return D (..., 2, 2), m and h (...) of symmetric matrices S = m + h D, h of 0 or more.
+def _inverse(matrix: Tensor) -> Tensor:
+    """Return the inverses of symmetric matrices (..., 2, 2)."""
+    (first, cross), (_, second) = (row.unbind(-1) for row in matrix.unbind(-2))
+    adjugate = torch.stack([second, -cross, -cross, first], -1).unflatten(-1, (2, 2))
+    return adjugate / (first * second - cross**2)[..., None, None]
+
+
+def _principal(matrix: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Return D (..., 2, 2), m and h (...) of symmetric matrices m + h D, h of 0 or more.
 
     D squared is 1 and its trace 0, so that the eigenvalues are m + h and m - h.
     """
-    middle = spread.diagonal(dim1=-2, dim2=-1).mean(-1)
-    rest = spread - middle[..., None, None] * torch.eye(2).to(spread)
+    middle = matrix.diagonal(dim1=-2, dim2=-1).mean(-1)
+    rest = matrix - middle[..., None, None] * torch.eye(2).to(matrix)
     half = torch.linalg.vector_norm(rest[..., 0], dim=-1)
-    return rest / half.clamp(min=torch.finfo(spread.dtype).tiny)[..., None, None], middle, half
+    return rest / half.clamp(min=torch.finfo(matrix.dtype).tiny)[..., None, None], middle, half
 
 
 def _matrix(values: Tensor, direction: Tensor) -> Tensor:
@@ -84,18 +82,19 @@ def motion_by_precision(
     weights: Tensor,
     precision: Tensor,
     *,
-    scale_m: float,
+    scale_m: float | None,
     near: Motion | None = None,
 ) -> Motion:
     """Return the motion that fits matches best whose residuals count by direction.
 
     source_m, destination_m: (B, N, 2) [m]; weights: (B, N); precision: (B, N, 2, 2) of the destinations,
     forward and right. Begins with `robust_motion` and goes on by Gauss-Newton to the least sum of
-    w rho(r^T P r), r = destination - R source - t, rho of Geman-McClure at `scale_m`, wider at first. Where
-    the matches leave a direction open, `certain` is False and the motion the one that it began with. near: a
-    motion to begin with that is nearly right, in place of `robust_motion`, and not wider at first.
+    w rho(r^T P r), r = destination - R source - t, rho of Geman-McClure at `scale_m`, wider at first; without
+    a scale rho is the square. Where the matches leave a direction open, or are not finite, `certain` is False
+    and the motion the one that it began with. near: a motion to begin with that is nearly right, in place of
+    the robust one, and not wider at first.
     """
-    start = near or robust_motion(source_m, destination_m, weights, scale_m=scale_m)
+    start = near or _begun(source_m, destination_m, weights, scale_m)
     source_m, destination_m = source_m.double(), destination_m.double()
     weights, precision = weights.double(), precision.double()
     yaw, shift_m = start.yaw_rad.double(), start.translation_m.double()
@@ -103,16 +102,23 @@ def motion_by_precision(
     for part in _SCALES if near is None else (1, 1):
         motion = Motion(rotation=rotation_of_yaw(yaw), translation_m=shift_m, certain=certain)
         off = destination_m - moved(source_m, motion)
-        share = weights / (1 + weighed_squares(off, precision) / (part * scale_m) ** 2) ** 2
-        step, known = _step(
-            off, source_m @ motion.rotation.transpose(1, 2), share[..., None, None] * precision
-        )
+        share = weights
+        if scale_m is not None:
+            share = weights / (1 + weighed_squares(off, precision) / (part * scale_m) ** 2) ** 2
+        turned_m = source_m @ motion.rotation.transpose(1, 2)
+        step, known = _step(off, turned_m, share[..., None, None] * precision)
         certain = certain & known
         yaw, shift_m = yaw + step[:, 0], shift_m + step[:, 1:]
     found = torch.cat([shift_m, yaw[:, None]], 1)
     begun = torch.cat([start.translation_m, start.yaw_rad[:, None]], 1).double()
     found = torch.where(certain[:, None], found, begun).to(start.translation_m.dtype)
     return Motion(rotation=rotation_of_yaw(found[:, 2]), translation_m=found[:, :2], certain=certain)
+
+
+def _begun(source_m: Tensor, destination_m: Tensor, weights: Tensor, scale_m: float | None) -> Motion:
+    if scale_m is None:
+        return motion_of_matches(source_m, destination_m, weights)
+    return robust_motion(source_m, destination_m, weights, scale_m=scale_m)
 
 
 def weighed_squares(off_m: Tensor, precision: Tensor) -> Tensor:
@@ -131,9 +137,11 @@ def _step(off_m: Tensor, turned_m: Tensor, precision: Tensor) -> tuple[Tensor, T
     slope = torch.cat([turning, shifting], -1)  # (B, N, 2, 3)
     weighed = slope.transpose(-1, -2) @ precision
     normal, wanted = (weighed @ slope).sum(1), (weighed @ off_m[..., None]).sum(1)  # (B, 3, 3), (B, 3, 1)
-    size = normal.detach().diagonal(dim1=1, dim2=2).clamp(min=torch.finfo(off_m.dtype).tiny).sqrt()
+    size = normal.diagonal(dim1=1, dim2=2).clamp(min=torch.finfo(off_m.dtype).tiny).sqrt()
     balanced = normal / size[:, :, None] / size[:, None, :]
-    known = torch.linalg.eigvalsh(balanced.detach())[:, 0] > _LEAST_EIGENVALUE
+    finite = balanced.isfinite().all((1, 2)) & wanted.isfinite().all((1, 2))
+    balanced = torch.where(finite[:, None, None], balanced, torch.zeros(3, 3).to(balanced))
+    known = torch.linalg.eigvalsh(balanced)[:, 0] > _LEAST_EIGENVALUE
     balanced = torch.where(known[:, None, None], balanced, torch.eye(3).to(balanced))
     step = torch.linalg.solve(balanced, wanted / size[:, :, None])[..., 0] / size
     return torch.where(known[:, None], step, 0.0), known

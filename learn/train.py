@@ -134,7 +134,10 @@ class _Run:
             self.log.begin(self.progress.step)
 
     def _take_up(self, checkpoint: Checkpoint) -> None:
-        if _without_ends(checkpoint.settings) != _without_ends(self.told):
+        defaults = {"train": asdict(TrainSettings()), "model": asdict(ModelSettings())}
+        told = {**checkpoint.settings}
+        told |= {name: {**defaults[name], **told[name]} for name in defaults}  # of versions that had fewer
+        if _without_ends(told) != _without_ends(self.told):
             raise DatasetError(f"{self.out / FILE_NAME}: was made with other settings, see {SETTINGS_FILE}")
         self.model.load_state_dict(checkpoint.model)
         self.optimiser.load_state_dict(checkpoint.optimiser)
@@ -156,6 +159,7 @@ class _Run:
         late = self.world == 1 and time.monotonic() - self.saved > 60 * settings.save_minutes
         if self.rank == 0 and (step % settings.save_every == 0 or (late and step % settings.log_every == 0)):
             self._save()
+            self._draw()
 
     def _step(self) -> tuple[float, float, float]:
         """Return the mean loss and the mean errors [m], [rad] of one step."""
@@ -265,9 +269,15 @@ class _Run:
             self._write_weights("last")
             if self.log is not None:
                 self.log.end()
-            validation = self.data.validation
-            shown = (validation or self.data.training, self.chosen[0]) if self.chosen else None
-            draw_training(self.out / LOG_FILE, self.out / "loss.png", self.model, shown)
+            self._draw()
+
+    def _draw(self) -> None:
+        """Draw how the run went, and matches of a pair that is held out, or learned from for want of one."""
+        if not (self.out / LOG_FILE).is_file():
+            return  # nothing is known yet
+        pairs = self.data.validation or self.data.training
+        pair = self.chosen[0] if self.chosen else fixed_pairs(pairs, 1, seed=self.settings.seed)[0]
+        draw_training(self.out / LOG_FILE, self.out / "loss.png", self.model, (pairs, pair))
 
 
 def initial_model(settings: ModelSettings, *, seed: int) -> KeypointModel:

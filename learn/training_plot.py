@@ -8,6 +8,7 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from echoscape.learn.model import KeypointModel, Matching
 from echoscape.learn.pairs import Pair, PairSet
@@ -15,31 +16,32 @@ from echoscape.learn.pose import moved
 from echoscape.sim.whole_files import read_text, temporary_beside
 
 
-def draw_training(
-    log: Path, out: Path, model: KeypointModel, shown: tuple[PairSet, Pair] | None = None
-) -> None:
+def draw_training(log: Path, out: Path, model: KeypointModel, shown: tuple[PairSet, Pair]) -> None:
     """Draw the lines of a log and the matches of the pair `shown` into the PNG `out`, whole or not at all."""
-    figure = Figure(figsize=(12, 5), layout="constrained")
+    figure = Figure(figsize=(17, 5), layout="constrained")
     FigureCanvasAgg(figure)
-    curves, matches = figure.subplots(1, 2)
-    _draw_curves(curves, [json.loads(line) for line in read_text(log).splitlines()])
-    matches.set_axis_off()
-    if shown is not None:
-        _draw_matches(matches, model, *shown)
+    losses, errors, matches = figure.subplots(1, 3, width_ratios=(5, 5, 6))
+    lines = [json.loads(line) for line in read_text(log).splitlines()]
+    _draw_curves(losses, lines, "loss_m", "loss [m]; validation: that of the pose alone")
+    _draw_curves(errors, lines, "median_m", "median error of a pair's translation [m]")
+    _draw_matches(matches, model, *shown)
     temporary = temporary_beside(out)
     figure.savefig(temporary, format="png", dpi=80)
     temporary.replace(out)
 
 
-def _draw_curves(axes: Axes, lines: list[dict]) -> None:
+def _draw_curves(axes: Axes, lines: list[dict], name: str, label: str) -> None:
     training = [line for line in lines if "validation" not in line]
     validation = [line for line in lines if "validation" in line]
-    axes.plot([x["step"] for x in training], [x["median_m"] for x in training], ".", label="training")
-    medians = [x["validation"]["median_m"] for x in validation]
-    axes.plot([x["step"] for x in validation], medians, "o-", label="validation")
-    if training:
+    axes.plot([x["step"] for x in training], [x[name] for x in training], ".", label="training")
+    held_out = [x["validation"][name] for x in validation]
+    axes.plot([x["step"] for x in validation], held_out, "o-", label="validation")
+    if lines:
         axes.set_yscale("log")
-    axes.set(xlabel="step", ylabel="median error of a pair's translation [m]")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_locator(NullLocator())
+    axes.set(xlabel="step", ylabel=label)
     axes.legend()
 
 

@@ -42,11 +42,11 @@ class Roll:
     def done(self, points_m: Tensor) -> Tensor:
         """Return where pictures show what is at (B, N, 2) [m] at mid-scan: near enough, the inverse.
 
-        What rolling does changes by a hundredth or so over as far as it moves a point: three rounds leave
-        less than a millimetre.
+        What rolling does changes little over as far as it moves a point: eight rounds leave a millimetre of
+        what is 10 m away from a car at 30 m/s.
         """
         shown = points_m
-        for _ in range(3):
+        for _ in range(8):
             shown = points_m - (self.undone(shown) - shown)
         return shown
 
@@ -95,10 +95,9 @@ class DriveMotion:
 def drive_motion(folder: ScanFolder, poses: NDArray[np.float64]) -> DriveMotion:
     """Return how the car moved at the scans of a folder with poses (N, 4) x, y, z [m], yaw [rad]."""
     times_s = (folder.timestamps_us - folder.timestamps_us[0]) / 1e6
-    steps_s = np.diff(times_s)
     return DriveMotion(
         velocities=np.array([_velocity(poses, times_s, number) for number in range(len(poses))]),
-        turn_s=float(np.median(steps_s)) if len(steps_s) else 1 / folder.sensor.rotation_hz,
+        turn_s=1 / folder.sensor.rotation_hz,
         doppler_beta_s=-float(folder.sensor.doppler_shift_s.mean()),
     )
 

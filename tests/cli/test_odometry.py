@@ -2,14 +2,17 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
 from echoscape.cli.__main__ import main
+from echoscape.eval.learned import learned_odometry
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.model import KeypointModel, ModelSettings
 from echoscape.learn.weights import write_weights
+from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.oxford import read_odometry
 from tests.eval.drives import write_points
 
@@ -74,6 +77,22 @@ def test_pairs_alone_and_points_as_they_are_are_asked_for_by_flags(
     words = ["odometry", str(points), "--out", str(out), "--weights", str(weights)]
     assert main([*words, "--pairs-alone", "--no-compensate"]) == 0
     assert json.loads((out / "metrics.json").read_text())["method"] == "learned, pairs alone, not compensated"
+
+
+def test_the_sensor_says_by_how_much_what_approaches_seems_too_near(
+    points: Path, weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[float | None] = []
+
+    def odometry(*args: Any, doppler_beta_s: float | None, **words: Any) -> Any:
+        asked.append(doppler_beta_s)
+        return learned_odometry(*args, doppler_beta_s=doppler_beta_s, **words)
+
+    monkeypatch.setattr("echoscape.eval.learned.learned_odometry", odometry)
+    words = ["odometry", str(points), "--weights", str(weights), "--out"]
+    assert main([*words, str(tmp_path / "one")]) == 0
+    assert main([*words, str(tmp_path / "two"), "--no-compensate"]) == 0
+    assert asked == [pytest.approx(CTS350X.doppler_beta_s), None]
 
 
 @pytest.mark.parametrize("flag", [("--pairs-alone",), ("--any-heading", "3")])

@@ -18,7 +18,7 @@ from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures, Sea
 from echoscape.learn.model import Matches, ModelSettings
 from echoscape.learn.near_matching import Near
 from echoscape.learn.plane_motion import STILL, PlaneMotion
-from echoscape.learn.rolling import Part, Rolling, RollingError
+from echoscape.learn.rolling import Part, Rolling
 from echoscape.learn.train import initial_model
 
 GAP_S = 0.25
@@ -217,7 +217,38 @@ def test_a_turn_is_a_surprise_too() -> None:
     assert [number for number, _ in seeing.looks] == [0, 1, 1]
 
 
-def test_a_second_look_that_agrees_less_is_not_taken() -> None:
+def test_the_first_keyframe_has_the_velocity_of_the_first_motion() -> None:
+    """From a stand: later scans are faster, but the keyframe was seen at a stand."""
+    seeing = Seeing(way([PlaneMotion(x_m=0.2 * k, y_m=0.0, yaw_rad=0.0) for k in range(8)]))
+    followed(seeing, FollowSettings(surprise_m=math.inf))
+    assert seeing.parts[-1][0].twist is not None
+    assert_allclose(seeing.parts[-1][0].twist.velocity_mps, [[0, 0]], atol=1e-3)
+
+
+@pytest.mark.parametrize("says", [0.0, 1.0])
+def test_a_second_look_counts_only_if_it_says_something(says: float) -> None:
+    """Where nothing is said of any direction nothing is off either: the first look stands."""
+
+    class Vague(Seeing):
+        def matches(
+            self, source: ScanFeatures, into: Searchable, *, within_m: float | None = None
+        ) -> Matches:
+            found = super().matches(source, into, within_m=within_m)
+            if within_m is None:
+                return found
+            off = found.destination_m + torch.tensor([4.0 * (1 - says), 0.0])
+            precision = says * torch.eye(2).expand(*off.shape, 2)
+            return replace(found, destination_m=off, precision=precision)
+
+    seeing = Vague(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)]))
+    follower = Follower(seeing)
+    found, _ = follower.follow(follower.start(scan(0)), scan(1))
+    assert len(seeing.looks) == 3
+    assert found.certain
+    assert found.motion.x_m == pytest.approx(2.0, abs=1e-3)
+
+
+def test_a_second_look_that_finds_something_else_is_not_taken() -> None:
     class Dim(Seeing):
         """Sees half of the second look's matches in wrong places."""
 
@@ -248,7 +279,8 @@ def test_a_keyframe_keeps_the_velocity_that_it_was_seen_at() -> None:
     seeing = Seeing(way([motion] * 6))
     followed(seeing, FollowSettings(keyframe_m=2.5, surprise_m=math.inf))
     first, *_, last = (parts for parts in seeing.parts if len(parts) == 2)
-    assert first[0].twist is None  # nothing was known of the first scan
+    assert first[0].twist is not None  # that of the first motion, for nothing led to it
+    assert_allclose(first[0].twist.velocity_mps, [[1 / GAP_S, 0]], atol=1e-3)
     assert last[0].twist is not None
     assert_allclose(last[0].twist.velocity_mps, [[1 / GAP_S, 0]], atol=1e-3)
     assert last[1].twist is None
@@ -314,10 +346,17 @@ def test_a_scan_without_matches_leaves_the_motion_open() -> None:
     assert not found.certain
 
 
-def test_scans_of_one_time_cannot_be_compensated() -> None:
-    follower = Follower(Seeing(drive()), doppler_beta_s=0.05)
-    with pytest.raises(RollingError, match="gap_s must be finite and not 0"):
-        follower.follow(follower.start(scan(0)), scan(1, middle_s=0.0))
+@pytest.mark.parametrize("times", [{"middle_s": 0.0}, {"turn_s": 0.0}, {"middle_s": math.nan}])
+def test_times_that_tell_nothing_leave_points_as_they_are_with_a_warning(
+    times: dict[str, float], caplog: pytest.LogCaptureFixture
+) -> None:
+    seeing = Seeing(drive(4))
+    follower = Follower(seeing, doppler_beta_s=0.05)
+    found, track = follower.follow(follower.start(scan(0)), replace(scan(1), **times))
+    assert seeing.rollings == [None]
+    assert "points as they are" in caplog.text
+    assert found.certain
+    follower.follow(track, scan(2))  # and the drive goes on
 
 
 @pytest.mark.parametrize("name", list(vars(FollowSettings())))
@@ -331,5 +370,5 @@ def test_no_place_at_all_to_look_at_is_refused() -> None:
         FollowSettings(keyframe_weight=0.0)
     with pytest.raises(ValueError, match="within_m must be above 0"):
         FollowSettings(within_m=0.0)
-    with pytest.raises(ValueError, match="deviation_px must be above 0"):
+    with pytest.raises(ValueError, match="deviation_px must be finite and above 0"):
         Near(places_px=torch.zeros(1, 1, 2), deviation_px=0.0)

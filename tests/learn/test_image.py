@@ -96,7 +96,7 @@ def test_pixels_and_metres_are_inverses_and_forward_is_up() -> None:
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
-        ({"size": 100}, "size"),
+        ({"size": 101}, "size"),
         ({"size": 0}, "size"),
         ({"pixel_m": 0.0}, "pixel_m"),
         ({"near_m": -1.0}, "near_m"),

@@ -135,15 +135,38 @@ def test_a_search_of_what_is_in_reach_is_the_softmax_over_it(stride: int, deviat
     chances = logits.softmax(-1)
     away = places - (chances @ places)[:, None]
     found = near_search(queries, picture, temperature=T, near=near)
-    assert_allclose(found.places_px[0].detach(), chances @ places, atol=1e-9)
-    assert_allclose(found.log_sums[0].detach(), logits.logsumexp(-1), atol=1e-9)
-    assert found.spread_px2 is not None
-    assert_allclose(
-        found.spread_px2[0].detach(), torch.einsum("np,npi,npj->nij", chances, away, away), atol=1e-9
-    )
+    width = stride**2 / 12 * torch.eye(2, dtype=torch.float64)
+    assert_allclose(found.found.places_px[0].detach(), chances @ places, atol=1e-9)
+    wanted = torch.einsum("np,npi,npj->nij", chances, away, away) + width
+    assert_allclose(found.found.spread_px2[0].detach(), wanted, atol=1e-9)
+    prior = _log_density(near, places)[0].masked_fill(~seen, -math.inf).softmax(-1)
+    away = places - (prior @ places)[:, None]
+    assert_allclose(found.expected.places_px[0], prior @ places, atol=1e-9)
+    wanted = torch.einsum("np,npi,npj->nij", prior, away, away) + width
+    assert_allclose(found.expected.spread_px2[0], wanted, atol=1e-9)
     alike = 2.0 * (queries @ picture.descriptors.flatten(2)) + _log_density(near, places)
     found = near_search(queries, picture, temperature=2.0, near=near)
-    assert_allclose(found.places_px.detach(), (alike.softmax(-1) @ places).detach(), atol=0.01 * deviation_px)
+    assert_allclose(
+        found.found.places_px.detach(), (alike.softmax(-1) @ places).detach(), atol=0.01 * deviation_px
+    )
+
+
+def test_pieces_of_keypoints_and_a_reach_beyond_the_picture_change_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    queries, maps = _case(torch.float64)
+    near = Near(places_px=drawn_points(9, SIZE, dtype=torch.float64), deviation_px=200.0)
+    picture = dense_picture(maps)
+    whole = near_search(queries, picture, temperature=T, near=near)
+    monkeypatch.setattr("echoscape.learn.near_matching._PIECE", 1)
+    pieces = near_search(queries, picture, temperature=T, near=near)
+    assert_allclose(pieces.found.places_px.detach(), whole.found.places_px.detach(), atol=1e-9)
+    assert_allclose(pieces.expected.spread_px2, whole.expected.spread_px2, atol=1e-9)
+    logits = T * (queries @ picture.descriptors.flatten(2)) + _log_density(
+        near, pixel_grid(SIZE, SIZE, like=queries)
+    )
+    wanted = logits.softmax(-1) @ pixel_grid(SIZE, SIZE, like=queries)
+    assert_allclose(whole.found.places_px.detach(), wanted.detach(), atol=1e-9)
 
 
 @pytest.mark.parametrize("stride", [1, 2])

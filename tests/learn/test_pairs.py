@@ -127,6 +127,21 @@ def test_shifts_are_uniform_up_to_the_largest() -> None:
         TurnSettings(largest_shift_m=-1.0)
 
 
+def test_rolls_are_those_of_each_scan_where_its_picture_shows_it(pairs: PairSet) -> None:
+    turns = Turns(source_rad=0.4, destination_rad=0.9, shift_m=(5.0, -8.0))
+    truth = pairs.batch([Pair(drive=0, source=3, destination=1, turns=turns)]).truth
+    velocities = pairs.drives[0].motion.velocities
+    assert truth.source is not None
+    assert truth.destination is not None
+    assert_allclose(truth.source.twist.velocity_mps[0], velocities[3, :2], rtol=1e-6)
+    assert_allclose(truth.destination.twist.yaw_rate_rps, velocities[1, 2:], rtol=1e-6)
+    assert_allclose(truth.source.shown_at.translation_m[0], [5.0, -8.0])
+    assert_allclose(
+        [float(truth.source.shown_at.yaw_rad), float(truth.destination.shown_at.yaw_rad)], [0.4, 0.9]
+    )
+    assert_allclose(truth.destination.shown_at.translation_m[0], [0.0, 0.0])
+
+
 def test_draws_depend_on_the_generator_alone_and_have_both_orders_and_all_gaps(pairs: PairSet) -> None:
     def drawn(seed: int) -> list[Pair]:
         rng = np.random.default_rng(seed)

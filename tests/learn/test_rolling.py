@@ -3,6 +3,7 @@
 import cmath
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -161,6 +162,38 @@ def test_a_keyframe_that_was_seen_at_another_velocity_is_put_right_by_its_own() 
     found, _ = solved(parts, rolling=rolling)
     assert_allclose(found.translation_m[0], source[:2, 2], atol=1e-3)
     assert_allclose(found.rotation[0], source[:2, :2], atol=1e-4)
+
+
+def test_parts_count_by_direction_in_the_frame_of_the_answer_and_by_weight() -> None:
+    """Matches of a stop that stands turned slid ahead along a wall; its precisions turn with it."""
+    where = PlaneMotion(x_m=3.0, y_m=0.5, yaw_rad=0.6)
+    there = PlaneMotion(x_m=4.0, y_m=1.0, yaw_rad=0.7)
+    world = _tensor(_spots())
+    source = there.inverse().of_points(world.float())
+    stop = where.inverse().of_points(world.float())
+    slid = stop + torch.tensor([0.4, 0.0])
+    ahead = torch.diag(torch.tensor([0.0, 1.0])).expand(1, 12, 2, 2)
+    part = Part(
+        matches=Matches(source_m=source, destination_m=slid, weights=torch.ones(1, 12), precision=ahead),
+        stood_at=where.tensors(),
+    )
+    few = Matches(
+        source_m=source[:, :3],
+        destination_m=world[:, :3].float(),
+        weights=torch.ones(1, 3),
+        precision=torch.eye(2).expand(1, 3, 2, 2),
+    )
+    found, _ = solved([Part(matches=few, stood_at=STILL.tensors()), part], scale_m=0.5)
+    assert_allclose(found.translation_m[0], [4.0, 1.0], atol=1e-3)
+    assert_allclose(found.yaw_rad, 0.7, atol=1e-4)
+    # Two parts at odds meet at their weights' mean.
+    shifted = replace(few, destination_m=few.destination_m + torch.tensor([0.04, 0.0]))
+    parts = [
+        Part(matches=few, stood_at=STILL.tensors(), weight=3.0),
+        Part(matches=shifted, stood_at=STILL.tensors()),
+    ]
+    found, _ = solved(parts)
+    assert_allclose(found.translation_m[0], [4.01, 1.0], atol=1e-3)
 
 
 def test_points_taken_as_they_are_are_off_where_the_car_turns() -> None:

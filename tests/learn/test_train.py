@@ -3,6 +3,7 @@
 import json
 import sys
 import types
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,13 @@ from torch import Tensor
 from echoscape.cli.train import main
 from echoscape.learn.augment import TurnSettings
 from echoscape.learn.image import ImageSettings
-from echoscape.learn.model import ModelSettings
+from echoscape.learn.model import Matching, ModelSettings
 from echoscape.learn.pairs import PairSet
 from echoscape.learn.pose import Motion
 from echoscape.learn.train import Data, initial_model, train
 from echoscape.learn.train_settings import TrainSettings
 from echoscape.learn.training_log import TrainingLog
-from echoscape.learn.validation import fixed_pairs
+from echoscape.learn.validation import fixed_pairs, pair_errors
 from echoscape.learn.weights import read_weights
 from echoscape.sim.whole_files import DatasetError
 from tests.learn.folders import write_folder
@@ -153,12 +154,32 @@ def test_without_tensorboard_the_log_is_lines_alone(tmp_path: Path, monkeypatch:
     assert json.loads((tmp_path / "log.jsonl").read_text()) == {"step": 1, "loss_m": 2.0}
 
 
-@pytest.mark.parametrize("name", ["match_weight", "likelihood_weight", "score_weight", "robust_pose"])
+@pytest.mark.parametrize(
+    "name", ["match_weight", "likelihood_weight", "score_weight", "robust_pose", "compensate"]
+)
 def test_losses_of_matches_change_what_is_learned(data: Data, tmp_path: Path, name: str) -> None:
     two = TrainSettings(steps=2)
     plain = train(tmp_path / "plain", MODEL, two, data)
     told = train(tmp_path / "told", MODEL, TrainSettings(steps=2, **{name: 1.0}), data)  # type: ignore[arg-type]
     assert any(not torch.equal(a, b) for a, b in zip(plain.parameters(), told.parameters(), strict=True))
+
+
+def test_validation_moves_points_to_mid_scan_as_training_does(data: Data) -> None:
+    chosen, model = fixed_pairs(data.training, 4, seed=1), initial_model(MODEL, seed=0)
+    found = [
+        pair_errors(model, data.training, chosen, Matching(), torch.float32, compensate=each).mean_m
+        for each in (False, True)
+    ]
+    assert found[0] != found[1]
+
+
+def test_a_run_of_a_version_with_fewer_settings_goes_on(data: Data, tmp_path: Path) -> None:
+    train(tmp_path / "run", MODEL, replace(SHORT, steps=2), data)
+    held = torch.load(tmp_path / "run" / "checkpoint.pt", weights_only=True)
+    del held["settings"]["train"]["compensate"]
+    torch.save(held, tmp_path / "run" / "checkpoint.pt")
+    train(tmp_path / "run", MODEL, SHORT, data, resume=True)
+    assert read_weights(tmp_path / "run" / "last.safetensors")[1]["step"] == 5
 
 
 def test_gradients_are_clipped_and_the_rate_falls(data: Data, tmp_path: Path) -> None:
