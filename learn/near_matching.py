@@ -16,6 +16,8 @@ from echoscape.learn.matching import pixel_grid
 
 REACH = 3.5
 """Standard deviations that samples are looked at up to: 5e-4 of a normal distribution lies beyond."""
+_LEAST_PX2 = 0.02
+"""Variance that a place has even where one sample has it all, so that inverses are finite [px^2]."""
 _PIECE = 2**25
 """Numbers of descriptors that are taken at once (128 MB)."""
 
@@ -34,7 +36,7 @@ class Near:
 
 @dataclass(frozen=True, kw_only=True)
 class Moments:
-    """Mean places (..., 2) row, column [px] and covariances (..., 2, 2) [px^2], a sample's width included."""
+    """Mean places (..., 2) row, column [px] and covariances (..., 2, 2) [px^2], `_LEAST_PX2` included."""
 
     places_px: Tensor
     spread_px2: Tensor
@@ -86,11 +88,11 @@ def _searched(
     log_prior = -(away_px**2).sum(-1) / (2 * deviation_px**2)
     log_prior = log_prior.masked_fill(~inside, -math.inf)
     likeness = (taken @ queries[..., None])[..., 0]
-    width = torch.eye(2).to(queries) * stride**2 / 12  # of a sample
+    least = _LEAST_PX2 * torch.eye(2).to(queries)
     moments = []
     for logits in (likeness + log_prior, log_prior):
         chances = logits.softmax(-1)[..., None]  # (N, W, 1)
         mean = (chances * away_px).sum(1)
         off = away_px - mean[:, None]
-        moments += [expected_px + mean, off.transpose(1, 2) @ (chances * off) + width]
+        moments += [expected_px + mean, off.transpose(1, 2) @ (chances * off) + least]
     return moments[0], moments[1], moments[2], moments[3]
