@@ -60,7 +60,7 @@ PAIRS_ALONE = FollowSettings(
     surprise_rad=math.inf,
     within_m=math.inf,
 )
-"""Every pair by itself, as in the paper: both scans upright, neither keyframe nor expectation."""
+"""Every pair by itself, as the paper takes it: both scans upright, neither keyframe nor expectation."""
 
 
 @dataclass(frozen=True, kw_only=True)
