@@ -15,12 +15,12 @@ import torch
 
 from benchmarks.machine import description
 from benchmarks.training_step import medians
+from echoscape.learn.beginning import initial_model
 from echoscape.learn.following import Follower, Scan
 from echoscape.learn.image import ImageSettings, Projector, range_cells
 from echoscape.learn.inference import Estimator, Solving, quick_solving
 from echoscape.learn.matching import expected_matches
 from echoscape.learn.model import ModelSettings
-from echoscape.learn.train import initial_model
 from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.heap import keep_freed_memory
 

@@ -15,6 +15,7 @@ import torch
 
 from benchmarks.machine import description
 from echoscape.learn import model as model_module
+from echoscape.learn.beginning import initial_model
 from echoscape.learn.fast_matching import DensePicture, Search
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.loss import pose_loss
@@ -22,7 +23,6 @@ from echoscape.learn.matching import expected_matches_in
 from echoscape.learn.model import Matching, ModelSettings
 from echoscape.learn.pairs import motion_tensors
 from echoscape.learn.plane_motion import PlaneMotion
-from echoscape.learn.train import initial_model
 from echoscape.sim.heap import keep_freed_memory
 
 FORMS = {

@@ -15,7 +15,8 @@ from torch import nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from echoscape.learn.image import Projector, range_cells
-from echoscape.learn.model import Destination, Features, KeypointModel, Matches, Matching, destination_of
+from echoscape.learn.matches import Matches
+from echoscape.learn.model import Destination, Features, KeypointModel, Matching, destination_of
 from echoscape.learn.plane_motion import STILL, PlaneMotion, plane_motion_of
 from echoscape.learn.pose import ROBUST_SCALE_PX, Motion
 from echoscape.learn.precision import turned_precision

@@ -7,7 +7,7 @@ matches are ours: true motions say where each keypoint is in the other scan, whi
 import torch
 from torch import Tensor
 
-from echoscape.learn.model import Matches
+from echoscape.learn.matches import Matches
 from echoscape.learn.pose import Motion, shares
 
 ALPHA_M = 10.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from echoscape.learn.model import Matches
+from echoscape.learn.matches import Matches
 from echoscape.learn.pose import Motion, moved
 from echoscape.learn.precision import turned_precision
 

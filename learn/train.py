@@ -19,9 +19,11 @@ from torch import Tensor, distributed
 from torch.nn.parallel import DistributedDataParallel
 from torch.nn.utils import clip_grad_norm_
 
+from echoscape.learn.beginning import begin_with, initial_model
 from echoscape.learn.checkpoint import FILE_NAME, Checkpoint, Progress, read_checkpoint, write_checkpoint
 from echoscape.learn.loss import likelihood_loss, match_loss, pose_errors, pose_loss, score_loss
-from echoscape.learn.model import KeypointModel, Matches, ModelSettings
+from echoscape.learn.matches import Matches
+from echoscape.learn.model import KeypointModel, ModelSettings
 from echoscape.learn.pairs import PairSet
 from echoscape.learn.pose import ROBUST_SCALE_PX, Motion
 from echoscape.learn.processes import joined_processes
@@ -30,7 +32,7 @@ from echoscape.learn.training_log import LOG_FILE, Report, TrainingLog
 from echoscape.learn.training_plot import draw_training
 from echoscape.learn.truth import Truth
 from echoscape.learn.validation import fixed_pairs, pair_errors
-from echoscape.learn.weights import read_weights, write_weights
+from echoscape.learn.weights import write_weights
 from echoscape.sim.whole_files import DatasetError, remove_temporaries, write_whole
 
 SETTINGS_FILE = "settings.json"
@@ -91,7 +93,7 @@ class _Run:
         self.rank, self.world = rank, world
         self.log = TrainingLog(out, report) if rank == 0 else None
         self.model = initial_model(model_settings, seed=settings.seed)
-        begun = None if start is None else _begin_with(self.model, start)
+        begun = None if start is None else begin_with(self.model, start)
         told = {"model": asdict(model_settings), "train": asdict(settings), "processes": world}
         held = [] if data.validation is None else data.validation.names
         told |= {"data": data.training.names, "validation": held, "start": begun}
@@ -278,23 +280,6 @@ class _Run:
         pairs = self.data.validation or self.data.training
         pair = self.chosen[0] if self.chosen else fixed_pairs(pairs, 1, seed=self.settings.seed)[0]
         draw_training(self.out / LOG_FILE, self.out / "loss.png", self.model, (pairs, pair))
-
-
-def initial_model(settings: ModelSettings, *, seed: int) -> KeypointModel:
-    """Return a model with its first weights, which depend on the seed alone."""
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(int(np.random.SeedSequence([seed, 2]).generate_state(1)[0]))
-        return KeypointModel(settings).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-
-
-def _begin_with(model: KeypointModel, path: Path) -> dict[str, Any]:
-    """Give a model the weights in a file and return the record of their training."""
-    other, record = read_weights(path)
-    try:
-        model.load_state_dict(other.state_dict())
-    except RuntimeError as error:
-        raise DatasetError(f"{path}: has other heads than the model to be trained") from error
-    return {**record, "image": asdict(other.settings.image)}
 
 
 def _without_ends(told: dict[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from echoscape.learn.model import Matches
+from echoscape.learn.matches import Matches
 from echoscape.learn.plane_motion import PlaneMotion
 from echoscape.learn.pose import Motion, moved
 from echoscape.learn.rolling import Twist, at_middle, twist_between

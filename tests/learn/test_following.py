@@ -12,14 +12,15 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
+from echoscape.learn.beginning import initial_model
 from echoscape.learn.following import PAIRS_ALONE, Follower, FollowSettings, Scan
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.inference import Estimator, PairEstimate, ScanFeatures, Searchable
-from echoscape.learn.model import Matches, ModelSettings
+from echoscape.learn.matches import Matches
+from echoscape.learn.model import ModelSettings
 from echoscape.learn.near_matching import Near
 from echoscape.learn.plane_motion import STILL, PlaneMotion
 from echoscape.learn.rolling import Part, Rolling
-from echoscape.learn.train import initial_model
 
 GAP_S = 0.25
 MODEL = initial_model(ModelSettings(image=ImageSettings(size=80)), seed=0)

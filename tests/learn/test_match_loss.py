@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from torch import Tensor
 
 from echoscape.learn.loss import likelihood_loss, match_loss, score_loss
-from echoscape.learn.model import Matches
+from echoscape.learn.matches import Matches
 from echoscape.learn.pose import Motion, rotation_of_yaw
 
 TRUTH = Motion(

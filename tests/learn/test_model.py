@@ -10,16 +10,17 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
+from echoscape.learn.beginning import initial_model
 from echoscape.learn.descriptors import dense_descriptors
 from echoscape.learn.image import ImageSettings, image_of_codes
 from echoscape.learn.inference import Estimator, Solving, folded, quick_solving
 from echoscape.learn.keypoints import keypoints_at
-from echoscape.learn.model import KeypointModel, Matches, Matching, ModelSettings, destination_of
+from echoscape.learn.matches import Matches
+from echoscape.learn.model import KeypointModel, Matching, ModelSettings, destination_of
 from echoscape.learn.pixels import pixels_of_metres
 from echoscape.learn.plane_motion import STILL, PlaneMotion
 from echoscape.learn.pose import Motion, moved, rotation_of_yaw
 from echoscape.learn.rolling import Part
-from echoscape.learn.train import initial_model
 from echoscape.learn.unet import CHANNELS, Maps
 from tests.learn.folders import BIN_M
 

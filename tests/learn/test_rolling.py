@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from torch import Tensor
 
-from echoscape.learn.model import Matches
+from echoscape.learn.matches import Matches
 from echoscape.learn.plane_motion import STILL, PlaneMotion
 from echoscape.learn.pose import Motion, rotation_of_yaw
 from echoscape.learn.rolling import Part, Rolling, Twist, at_middle, solved, twist_between

@@ -13,11 +13,12 @@ from torch import Tensor
 
 from echoscape.cli.train import main
 from echoscape.learn.augment import TurnSettings
+from echoscape.learn.beginning import initial_model
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.model import Matching, ModelSettings
 from echoscape.learn.pairs import PairSet
 from echoscape.learn.pose import Motion
-from echoscape.learn.train import Data, initial_model, train
+from echoscape.learn.train import Data, train
 from echoscape.learn.train_settings import TrainSettings
 from echoscape.learn.training_log import TrainingLog
 from echoscape.learn.validation import fixed_pairs, pair_errors

@@ -8,7 +8,7 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.learn.model import Matches
+from echoscape.learn.matches import Matches
 from echoscape.learn.pairs import motion_tensors
 from echoscape.learn.plane_motion import STILL, PlaneMotion
 from echoscape.learn.truth import DriveMotion, Roll, Truth, drive_motion, rolls
