@@ -1,20 +1,23 @@
 """Seconds of a trained model's work: a scan's picture, its features, and the motion of a pair.
 
-    python -m benchmarks.inference [--sizes 320 640] [--threads 2] [--repeats 5]
+    python -m benchmarks.inference [--sizes 320 640] [--threads 2] [--repeats 5] [--data FOLDER]
 
 A pair alone costs a scan's features and a search in the scan before, a scan that is followed a search in
 the keyframe besides; a new keyframe, every few scans, costs features once more. Scans and weights are drawn
-numbers.
+numbers; with a folder its first 32 scans are followed by the weights that come along besides.
 """
 
 import argparse
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import torch
 
 from benchmarks.machine import description
 from benchmarks.training_step import medians
+from echoscape.eval.learned import learned_odometry, shipped_weights
 from echoscape.learn.beginning import initial_model
 from echoscape.learn.following import Follower, Scan
 from echoscape.learn.image import ImageSettings, Projector, range_cells
@@ -22,6 +25,7 @@ from echoscape.learn.inference import Estimator, Solving, quick_solving
 from echoscape.learn.matching import expected_matches
 from echoscape.learn.model import ModelSettings
 from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.folders import open_folder
 from echoscape.sim.heap import keep_freed_memory
 
 
@@ -66,6 +70,22 @@ def measure_plain(size: int, repeats: int) -> None:
     print(f"{size} px, plain, features and matches: {seconds:.3f} s ({used:.3f} s of processor time)")
 
 
+def measure_drive(folder: Path) -> None:
+    """Print pairs a second over a folder's first scans, keyframes and second looks included."""
+    scans = open_folder(folder)
+    doppler_s = -float(scans.sensor.doppler_shift_s.mean())
+    seen = [scans.read(index) for index in range(min(len(scans), 32))]
+    for pixel_m, weights in shipped_weights().items():
+        odometry = learned_odometry(weights, doppler_beta_s=doppler_s)
+        state = odometry.start(seen[0])
+        _, state = odometry.follow(state, seen[1])  # pays for the start
+        begun = time.perf_counter()
+        for scan in seen[2:]:
+            _, state = odometry.follow(state, scan)
+        rate = (len(seen) - 2) / (time.perf_counter() - begun)
+        print(f"{pixel_m} m, {folder.name}, pairs a second, followed: {rate:.1f}", flush=True)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(
@@ -74,6 +94,7 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="+", default=[320, 640])
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--data", type=Path, help="a folder of 3 scans or more")
     options = parser.parse_args()
     keep_freed_memory()
     torch.set_num_threads(options.threads)
@@ -85,6 +106,8 @@ def main() -> None:
         }.items():
             measure(f"{size} px, {name}", size, solving, options.repeats)
         measure_plain(size, options.repeats)
+    if options.data is not None:
+        measure_drive(options.data)
 
 
 if __name__ == "__main__":
