@@ -79,9 +79,10 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
 
     if options.weights is not None and options.method != "learned":
         raise ValueError(f"--weights go with --method learned only, got --method {options.method}")
-    if options.resolution is not None and (options.weights is not None or options.method != "learned"):
-        raise ValueError("--resolution chooses among the learned method's own weights: not with --weights")
+    if options.resolution is not None and options.weights is not None:
+        raise ValueError("--resolution chooses among the weights that come along: not with --weights")
     for flag, given in {
+        "--resolution": options.resolution is not None,
         "--pairs-alone": options.pairs_alone,
         "--any-heading": options.any_heading,
     }.items():

@@ -11,7 +11,7 @@ README = (ROOT / "README.md").read_text()
 
 def test_python_examples_run_one_after_the_other_and_print_what_they_say(tmp_path: Path) -> None:
     examples = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    assert len(examples) == 3
+    assert len(examples) == 4
     assert max(len(example.strip().splitlines()) for example in examples) < 12
     prose = re.sub(r"```.*?```", "", README, flags=re.DOTALL)
     assert not re.search(r"^ {4}\S", prose, re.MULTILINE)  # code that would not be run

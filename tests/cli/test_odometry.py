@@ -95,7 +95,7 @@ def test_the_sensor_says_by_how_much_what_approaches_seems_too_near(
     assert asked == [pytest.approx(CTS350X.doppler_beta_s), None]
 
 
-@pytest.mark.parametrize("flag", [("--pairs-alone",), ("--any-heading", "3")])
+@pytest.mark.parametrize("flag", [("--pairs-alone",), ("--any-heading", "3"), ("--resolution", "0.3456")])
 def test_what_only_the_learned_method_has_is_refused_with_others(
     flag: tuple[str, ...], points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
