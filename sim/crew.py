@@ -203,22 +203,32 @@ class _Crew:
         index = next(to_do, None)
         if index is None:
             del self._busy[pipe]
-        else:
-            self._busy[pipe] = index
+            return
+        self._busy[pipe] = index
+        try:
             pipe.send(index)
+        except OSError as error:
+            raise self._death(pipe) from error
 
     def _answer(self, pipe: Connection) -> int:
         """Return the scan that a worker reports as made, -1 when it reports that it is ready."""
-        index, process = self._busy[pipe], self._hands[pipe]
-        doing = f"making scan {index}" if index >= 0 else "starting"
         try:
             answer = pipe.recv()
         except (EOFError, OSError) as error:
-            process.join(10)
-            raise CrewError(f"{process.name} died while {doing} ({_ending(process.exitcode)})") from error
+            raise self._death(pipe) from error
         if isinstance(answer, _Failure):
-            raise CrewError(f"{process.name} failed while {doing}:\n{answer.story}")
-        return index
+            raise CrewError(f"{self._hands[pipe].name} failed while {self._doing(pipe)}:\n{answer.story}")
+        return self._busy[pipe]
+
+    def _death(self, pipe: Connection) -> CrewError:
+        """Return the error that says how the worker behind a broken pipe ended, and at what."""
+        process = self._hands[pipe]
+        process.join(10)
+        return CrewError(f"{process.name} died while {self._doing(pipe)} ({_ending(process.exitcode)})")
+
+    def _doing(self, pipe: Connection) -> str:
+        index = self._busy[pipe]
+        return f"making scan {index}" if index >= 0 else "starting"
 
     def _stop(self) -> None:
         for pipe, process in self._hands.items():
