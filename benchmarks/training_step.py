@@ -16,13 +16,14 @@ import torch
 from benchmarks.machine import description
 from echoscape.learn import model as model_module
 from echoscape.learn.beginning import initial_model
-from echoscape.learn.fast_matching import DensePicture, Search
+from echoscape.learn.fast_matching import Search
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.loss import pose_loss
 from echoscape.learn.matching import expected_matches_in
 from echoscape.learn.model import Matching, ModelSettings
 from echoscape.learn.pairs import motion_tensors
 from echoscape.learn.plane_motion import PlaneMotion
+from echoscape.learn.searched_picture import SearchedPicture
 from echoscape.sim.heap import keep_freed_memory
 
 FORMS = {
@@ -47,8 +48,8 @@ def step_of(size: int, matching: Matching | None, network: torch.dtype) -> Calla
         pose_loss(found.motion(), truth).mean().backward()
         optimiser.step()
 
-    def plain(queries: torch.Tensor, picture: DensePicture, *, temperature: float, **_: object) -> Search:
-        places = expected_matches_in(queries, picture.descriptors, temperature=temperature)
+    def plain(queries: torch.Tensor, picture: SearchedPicture, *, temperature: float, **_: object) -> Search:
+        places = expected_matches_in(queries, picture.descriptors(), temperature=temperature)
         return Search(places_px=places, log_sums=places.new_zeros(places.shape[:2]))
 
     def plain_step() -> None:

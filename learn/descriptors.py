@@ -11,7 +11,8 @@ from torch.nn.functional import grid_sample, interpolate, normalize
 
 from echoscape.learn.unet import Maps
 
-_SMALLEST_NORM = 1e-6
+SMALLEST_NORM = 1e-6
+"""Descriptors shorter than this are divided by it instead of by their length."""
 
 
 def dense_descriptors(maps: Maps) -> Tensor:
@@ -23,7 +24,7 @@ def dense_descriptors(maps: Maps) -> Tensor:
 
 def unit(descriptors: Tensor, dim: int = -1) -> Tensor:
     """Return descriptors divided by their Euclidean length (or by 1e-6, if they are shorter)."""
-    return normalize(descriptors, dim=dim, eps=_SMALLEST_NORM)
+    return normalize(descriptors, dim=dim, eps=SMALLEST_NORM)
 
 
 def sampled(values: Tensor, points_px: Tensor) -> Tensor:

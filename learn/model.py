@@ -14,14 +14,16 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from echoscape.learn.descriptors import descriptors_at, embedding, sampled
-from echoscape.learn.fast_matching import DensePicture, dense_picture, fast_search
+from echoscape.learn.fast_matching import fast_search
 from echoscape.learn.image import ImageSettings
 from echoscape.learn.keypoints import Keypoints, cell_centres, expected_places, keypoints_at
+from echoscape.learn.layout import with_gradient_by_pixel
 from echoscape.learn.matches import Matches
 from echoscape.learn.matching import match_weights
 from echoscape.learn.near_matching import Near, near_search
 from echoscape.learn.pixels import metres_of_pixels, pixels_of_metres
 from echoscape.learn.precision import precision_of_pixels, without_expectation
+from echoscape.learn.searched_picture import SearchedPicture
 from echoscape.learn.unet import Decoder, Encoder, Maps, Pooling
 
 TruePlaces = Callable[[Tensor], Tensor]
@@ -87,11 +89,10 @@ class Features:
 
 @dataclass(frozen=True, kw_only=True)
 class Destination:
-    """B pictures made ready to be searched: the encoder's maps, the scores, and the dense descriptors."""
+    """B pictures to be searched, and their scores."""
 
-    maps: Maps
+    picture: SearchedPicture
     scores: Tensor | None
-    dense: DensePicture
 
 
 class KeypointModel(nn.Module):
@@ -120,11 +121,11 @@ class KeypointModel(nn.Module):
         count = source.shape[0]
         with torch.autocast("cpu", network_dtype, enabled=network_dtype != torch.float32):
             maps, scores = self.maps(torch.cat([source, destination]))
-            source_maps = tuple(each[:count] for each in maps)
+            source_maps, destination_maps = zip(*(each.split(count) for each in maps), strict=True)
             logits = None if self.locations is None else self.locations(source_maps)
-        maps = tuple(each.float() for each in maps)
-        found = self.keypoints(tuple(each[:count] for each in maps), _part(scores, 0, count), logits)
-        into = destination_of(tuple(each[count:] for each in maps), _part(scores, count, None), matching)
+        source_scores, destination_scores = (None, None) if scores is None else scores.split(count)
+        found = self.keypoints(_in_float32(source_maps), source_scores, logits)
+        into = destination_of(_in_float32(destination_maps), destination_scores, matching)
         return self.matches(found, into, matching, true_places)
 
     def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
@@ -137,7 +138,7 @@ class KeypointModel(nn.Module):
         """Return all that a scan needs to be matched with others, of images (B, 1, H, H)."""
         maps, scores = self.maps(images)
         logits = None if self.locations is None else self.locations(maps)
-        maps = tuple(each.float() for each in maps)  # autocast makes the network's output bfloat16
+        maps = _in_float32(maps)
         return Features(maps=maps, keypoints=self.keypoints(maps, scores, logits), scores=scores)
 
     def keypoints(self, maps: Maps, scores: Tensor | None, logits: Tensor | None) -> Keypoints:
@@ -167,13 +168,15 @@ class KeypointModel(nn.Module):
         precision = surprisal = None
         if within_m is None:
             temperature = self.settings.temperature
-            found = fast_search(source.descriptors, into.dense, temperature=temperature, dtype=matching.dtype)
+            found = fast_search(
+                source.descriptors, into.picture, temperature=temperature, dtype=matching.dtype
+            )
             places = found.places_px
             if true_places is not None:
-                surprisal = self._surprisal(source, into.dense, found.log_sums, true_places)
+                surprisal = self._surprisal(source, into.picture, found.log_sums, true_places)
         else:
-            places, precision = self._near(source, into.dense, within_m)
-        similarity = (source.descriptors * descriptors_at(into.maps, places)).sum(-1)
+            places, precision = self._near(source, into.picture, within_m)
+        similarity = (source.descriptors * descriptors_at(into.picture.maps, places)).sum(-1)
         matched = torch.ones_like(similarity) if into.scores is None else sampled(into.scores, places)[..., 0]
         return Matches(
             source_m=self.metres(source.points_px),
@@ -183,21 +186,21 @@ class KeypointModel(nn.Module):
             precision=precision,
         )
 
-    def _near(self, source: Keypoints, dense: DensePicture, within_m: float) -> tuple[Tensor, Tensor]:
+    def _near(self, source: Keypoints, picture: SearchedPicture, within_m: float) -> tuple[Tensor, Tensor]:
         """Return places (B, N, 2) [px] found near the keypoints' own, and their precisions (B, N, 2, 2).
 
         A normal distribution narrower than a sample would choose among samples, so it is not.
         """
-        deviation_px = max(within_m / self.settings.image.pixel_m, dense.stride)
+        deviation_px = max(within_m / self.settings.image.pixel_m, picture.stride)
         near = Near(places_px=source.points_px, deviation_px=deviation_px)
-        found = near_search(source.descriptors, dense, temperature=self.settings.temperature, near=near)
+        found = near_search(source.descriptors, picture, temperature=self.settings.temperature, near=near)
         places, precision = without_expectation(found.found, found.expected)
         return places, precision_of_pixels(precision)
 
     def _surprisal(
         self,
         source: Keypoints,
-        dense: DensePicture,
+        picture: SearchedPicture,
         log_sums: Tensor,
         true_places: TruePlaces,
     ) -> Tensor:
@@ -210,7 +213,7 @@ class KeypointModel(nn.Module):
         side = self.settings.side
         places = pixels_of_metres(true_m, size=side, pixel_m=self.settings.image.pixel_m)
         inside = ((places >= 0) & (places <= side - 1)).all(-1)
-        similarity = dense.similarity(source.descriptors, places.detach())
+        similarity = picture.similarity(source.descriptors, places.detach())
         return torch.where(inside, log_sums - self.settings.temperature * similarity, 0.0)
 
     def metres(self, points_px: Tensor) -> Tensor:
@@ -224,8 +227,9 @@ class KeypointModel(nn.Module):
 
 def destination_of(maps: Maps, scores: Tensor | None, matching: Matching) -> Destination:
     """Return pictures with these maps and scores, ready to be searched."""
-    return Destination(maps=maps, scores=scores, dense=dense_picture(maps, stride=matching.stride))
+    return Destination(picture=SearchedPicture(maps=maps, stride=matching.stride), scores=scores)
 
 
-def _part(values: Tensor | None, first: int, end: int | None) -> Tensor | None:
-    return None if values is None else values[first:end]
+def _in_float32(maps: Maps) -> Maps:
+    """Return maps as they are computed with: autocast makes the network's output bfloat16."""
+    return tuple(with_gradient_by_pixel(each).float() for each in maps)

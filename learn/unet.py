@@ -12,6 +12,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, interpolate, max_pool2d, pad
 
+from echoscape.learn.layout import with_gradient_by_pixel
+
 CHANNELS = (8, 16, 32, 64, 128)
 """Channels of the encoder's blocks; together the 248 of a descriptor."""
 
@@ -41,8 +43,39 @@ def blurred_max_pool(values: Tensor) -> Tensor:
     looks most alike where it has been. Sample j stays at 2 j + 1/2; edges go on. Source: Zhang, Making
     convolutional networks shift-invariant again, ICML 2019.
     """
+    if not values.requires_grad:
+        return _blurred_from_halves(values)
     wide = pad(values, (1, 1, 1, 1), mode="replicate")
     return avg_pool2d(avg_pool2d(max_pool2d(wide, 2, stride=1), 2, stride=1), 2)
+
+
+def _blurred_from_halves(values: Tensor) -> Tensor:
+    """Return what `blurred_max_pool` does in a fifth of the time, but for the gradients' sake.
+
+    Rows first, then columns: maxima of neighbours at odd and at even places, of which the even ones are those
+    between two results.
+    """
+    by_pixel = values.permute(0, 2, 3, 1).contiguous()  # a pixel's channels side by side
+    odd, even = (_blurred_columns(each) for each in _neighbours_maxima(by_pixel))
+    return _blurred(odd, even).permute(0, 3, 1, 2)
+
+
+def _blurred_columns(values: Tensor) -> Tensor:
+    """Return (B, H, W / 2, C) of maxima (B, H, W, C) along columns."""
+    lines = values.flatten(0, 1)
+    return _blurred(*_neighbours_maxima(lines)).unflatten(0, values.shape[:2])
+
+
+def _neighbours_maxima(values: Tensor) -> tuple[Tensor, Tensor]:
+    """Return maxima along the first side of values (B, H, ...): at 2 j and 2 j + 1, at 2 j - 1 and 2 j."""
+    first, second = values[:, 0::2], values[:, 1::2]
+    between = torch.maximum(second[:, :-1], first[:, 1:])
+    return torch.maximum(first, second), torch.cat([first[:, :1], between, second[:, -1:]], 1)
+
+
+def _blurred(odd: Tensor, even: Tensor) -> Tensor:
+    """Return means of neighbours, 1-2-1: odd (B, n, ...) in the middle, even (B, n + 1, ...) around."""
+    return torch.lerp(torch.lerp(even[:, :-1], even[:, 1:], 0.5), odd, 0.5)
 
 
 class Encoder(nn.Module):
@@ -75,5 +108,5 @@ class Decoder(nn.Module):
         coarse = maps[-1]
         for fine, layer in zip(maps[-2::-1], list(self.blocks)[::-1], strict=True):
             wide = interpolate(coarse, scale_factor=2, mode="bilinear", align_corners=False)
-            coarse = layer(torch.cat([wide, fine], 1))
+            coarse = layer(torch.cat([with_gradient_by_pixel(wide), fine], 1))
         return self.head(coarse)

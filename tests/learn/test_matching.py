@@ -9,9 +9,10 @@ from numpy.testing import assert_allclose
 from torch import Tensor
 
 from echoscape.learn.descriptors import dense_descriptors, descriptors_at, unit
-from echoscape.learn.fast_matching import Search, dense_picture, fast_search
+from echoscape.learn.fast_matching import Search, fast_search
 from echoscape.learn.matching import expected_matches, match_weights, pixel_grid
 from echoscape.learn.near_matching import REACH, Near, near_search
+from echoscape.learn.searched_picture import SearchedPicture
 from echoscape.learn.unet import Maps
 from tests.learn.maps import drawn_maps, drawn_points
 
@@ -35,7 +36,9 @@ def _fast(
     stride: int = 1,
     dtype: torch.dtype = torch.float32,
 ) -> Search:
-    return fast_search(queries, dense_picture(maps, stride=stride), temperature=temperature, dtype=dtype)
+    return fast_search(
+        queries, SearchedPicture(maps=maps, stride=stride), temperature=temperature, dtype=dtype
+    )
 
 
 def _places(queries: Tensor, maps: Maps, **how: Any) -> Tensor:
@@ -124,13 +127,16 @@ def test_a_search_of_what_is_in_reach_is_the_softmax_over_it(stride: int, deviat
     queries, maps = _case(torch.float64)
     expected = drawn_points(9, SIZE, dtype=torch.float64)
     expected[:, 0], expected[:, 1] = 0.0, SIZE - 1.0
-    near, picture = Near(places_px=expected, deviation_px=deviation_px), dense_picture(maps, stride=stride)
+    near, picture = (
+        Near(places_px=expected, deviation_px=deviation_px),
+        SearchedPicture(maps=maps, stride=stride),
+    )
     samples = pixel_grid(SIZE // stride, SIZE // stride, like=queries)
     middle = ((expected[0] + 0.5) / stride - 0.5).round().clamp(0, SIZE // stride - 1)
     reach = math.ceil(REACH * deviation_px / stride)
     seen = ((samples - middle[:, None]).abs() <= reach).all(-1)  # (N, P)
     places = (samples + 0.5) * stride - 0.5
-    logits = T * (queries @ picture.descriptors.flatten(2)) + _log_density(near, places)
+    logits = T * (queries @ picture.descriptors().flatten(2)) + _log_density(near, places)
     logits = logits[0].detach().masked_fill(~seen, -math.inf)
     chances = logits.softmax(-1)
     away = places - (chances @ places)[:, None]
@@ -144,7 +150,7 @@ def test_a_search_of_what_is_in_reach_is_the_softmax_over_it(stride: int, deviat
     assert_allclose(found.expected.places_px[0], prior @ places, atol=1e-9)
     wanted = torch.einsum("np,npi,npj->nij", prior, away, away) + least
     assert_allclose(found.expected.spread_px2[0], wanted, atol=1e-9)
-    alike = 2.0 * (queries @ picture.descriptors.flatten(2)) + _log_density(near, places)
+    alike = 2.0 * (queries @ picture.descriptors().flatten(2)) + _log_density(near, places)
     found = near_search(queries, picture, temperature=2.0, near=near)
     assert_allclose(
         found.found.places_px.detach(), (alike.softmax(-1) @ places).detach(), atol=0.01 * deviation_px
@@ -156,13 +162,13 @@ def test_pieces_of_keypoints_and_a_reach_beyond_the_picture_change_nothing(
 ) -> None:
     queries, maps = _case(torch.float64)
     near = Near(places_px=drawn_points(9, SIZE, dtype=torch.float64), deviation_px=200.0)
-    picture = dense_picture(maps)
+    picture = SearchedPicture(maps=maps)
     whole = near_search(queries, picture, temperature=T, near=near)
     monkeypatch.setattr("echoscape.learn.near_matching._PIECE", 1)
     pieces = near_search(queries, picture, temperature=T, near=near)
     assert_allclose(pieces.found.places_px.detach(), whole.found.places_px.detach(), atol=1e-9)
     assert_allclose(pieces.expected.spread_px2, whole.expected.spread_px2, atol=1e-9)
-    logits = T * (queries @ picture.descriptors.flatten(2)) + _log_density(
+    logits = T * (queries @ picture.descriptors().flatten(2)) + _log_density(
         near, pixel_grid(SIZE, SIZE, like=queries)
     )
     wanted = logits.softmax(-1) @ pixel_grid(SIZE, SIZE, like=queries)
@@ -172,11 +178,11 @@ def test_pieces_of_keypoints_and_a_reach_beyond_the_picture_change_nothing(
 @pytest.mark.parametrize("stride", [1, 2])
 def test_similarity_at_a_place_is_interpolated_between_the_samples_around(stride: int) -> None:
     queries, maps = _case(torch.float64, 32)
-    picture = dense_picture(maps, stride=stride)
+    picture = SearchedPicture(maps=maps, stride=stride)
     row, column = 5, 8  # of samples; the place is a quarter of the way down and 60 % of the way right
     place = (torch.tensor([row + 0.25, column + 0.6], dtype=torch.float64) + 0.5) * stride - 0.5
     found = picture.similarity(queries, place.expand(1, 9, 2))
-    around = queries @ picture.descriptors[:, :, row : row + 2, column : column + 2].flatten(2)
+    around = queries @ picture.descriptors()[:, :, row : row + 2, column : column + 2].flatten(2)
     shares = torch.tensor([0.75 * 0.4, 0.75 * 0.6, 0.25 * 0.4, 0.25 * 0.6], dtype=torch.float64)
     assert_allclose(found.detach(), (around @ shares).detach(), atol=1e-12)
 

@@ -87,8 +87,8 @@ def test_surprisal_is_the_cross_entropy_with_the_true_place(stride: int) -> None
         0, 0
     ]
     row, column = ((place + 0.5) / stride - 0.5).tolist()
-    logits = 300 * (keypoints.descriptors[0, 0] @ into.dense.descriptors[0].flatten(1))
-    image = logits.view(into.dense.descriptors.shape[-2:])
+    logits = 300 * (keypoints.descriptors[0, 0] @ into.picture.descriptors()[0].flatten(1))
+    image = logits.view(into.picture.descriptors().shape[-2:])
     i, j = int(row), int(column)
     u, v = row - i, column - j
     around = (1 - u) * ((1 - v) * image[i, j] + v * image[i, j + 1])

@@ -95,6 +95,13 @@ def test_resizing_goes_by_areas_everywhere() -> None:
     )
 
 
+@pytest.mark.parametrize("shape", [(2, 3, 8, 12), (1, 1, 2, 2), (1, 8, 16, 2)])
+def test_blurred_maxima_are_the_same_where_no_gradient_is_asked_for(shape: tuple[int, ...]) -> None:
+    values = torch.randn(shape, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
+    plain = blurred_max_pool(values.clone().requires_grad_())
+    assert_allclose(blurred_max_pool(values), plain.detach(), atol=1e-12)
+
+
 def test_blurred_maxima_of_a_ramp_are_its_maxima_where_pools_are() -> None:
     """A ramp's maximum of 2 x 2 is half a step above the middle; a low pass leaves ramps as they are."""
     ramp = torch.arange(32.0).expand(1, 1, 16, 32)

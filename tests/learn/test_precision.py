@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 from torch.testing import assert_close
 
-from echoscape.learn.fast_matching import DensePicture
+from echoscape.learn.descriptors import unit
 from echoscape.learn.near_matching import Moments, Near, near_search
 from echoscape.learn.plane_motion import PlaneMotion, plane_motion_of
 from echoscape.learn.pose import motion_of_matches, robust_motion, rotation_of_yaw
@@ -20,6 +20,8 @@ from echoscape.learn.precision import (
     weighed_squares,
     without_expectation,
 )
+from echoscape.learn.searched_picture import SearchedPicture
+from tests.learn.maps import drawn_maps
 
 SHARPEST_PX = 0.7
 
@@ -78,10 +80,10 @@ def test_a_spread_alike_in_all_directions_has_a_precision_alike_in_all() -> None
 def test_a_picture_without_features_says_nothing_at_its_edges_neither(
     stride: int, deviation_px: float
 ) -> None:
-    flat = DensePicture(descriptors=torch.full((1, 4, 32 // stride, 32 // stride), 0.5), stride=stride)
+    flat = SearchedPicture(maps=tuple(torch.full_like(each, 0.5) for each in drawn_maps(32)), stride=stride)
     places = torch.tensor([[[0.0, 0.0], [0.5, 31.0], [16.0, 15.3], [31.0, 7.5]]])
     near = Near(places_px=places, deviation_px=deviation_px)
-    found = near_search(torch.full((1, 4, 4), 0.5), flat, temperature=100.0, near=near)
+    found = near_search(unit(torch.ones(1, 4, 248)), flat, temperature=100.0, near=near)
     _, precision = without_expectation(found.found, found.expected)
     assert float(precision.abs().max()) == 0.0
 

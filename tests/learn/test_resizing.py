@@ -1,0 +1,35 @@
+"""Resizing by matrices, and lengths without resizing, against PyTorch's interpolation."""
+
+import pytest
+import torch
+from numpy.testing import assert_allclose
+from torch import Tensor
+from torch.nn.functional import interpolate
+
+from echoscape.learn.resizing import resized, squared_lengths
+
+
+def _plain(values: Tensor, factor: int) -> Tensor:
+    return interpolate(values, scale_factor=factor, mode="bilinear", align_corners=False)
+
+
+def _drawn(*shape: int) -> Tensor:
+    return torch.randn(shape, generator=torch.Generator().manual_seed(4), dtype=torch.float64)
+
+
+@pytest.mark.parametrize("factor", [1, 2, 4, 8, 16])
+@pytest.mark.parametrize("shape", [(2, 3, 5, 7), (1, 1, 1, 1), (1, 4, 1, 6)])
+def test_resizing_and_its_gradients_are_those_of_interpolation(factor: int, shape: tuple[int, ...]) -> None:
+    values = _drawn(*shape).requires_grad_()
+    found, plain = resized(values, factor), _plain(values, factor)
+    assert_allclose(found.detach(), plain.detach(), atol=1e-12)
+    slope = _drawn(*plain.shape)
+    mine, theirs = (torch.autograd.grad(each, values, slope)[0] for each in (found, plain))
+    assert_allclose(mine, theirs, atol=1e-11)
+
+
+@pytest.mark.parametrize("factor", [1, 2, 4, 8, 16])
+@pytest.mark.parametrize("shape", [(2, 3, 5, 7), (1, 1, 1, 1), (1, 4, 1, 6)])
+def test_lengths_are_those_of_the_resized_map(factor: int, shape: tuple[int, ...]) -> None:
+    values = _drawn(*shape)
+    assert_allclose(squared_lengths(values, factor), _plain(values, factor).square().sum(1), atol=1e-11)
