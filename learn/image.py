@@ -64,31 +64,33 @@ def range_cells(
         raise ValueError(f"codes must be (azimuths, bins) uint8, got {codes.dtype} of shape {codes.shape}")
     if not (math.isfinite(bin_m) and bin_m > 0):
         raise ValueError(f"bin_m must be finite and above 0, got {bin_m}")
-    sums = np.zeros((codes.shape[0], codes.shape[1] + 1), np.float32)
-    np.cumsum(codes, axis=1, dtype=np.float32, out=sums[:, 1:])
+    # Sums of whole codes are exact in float32, in whatever order.
+    sums = torch.cumsum(torch.from_numpy(np.pad(codes, ((0, 0), (1, 0)))), 1, dtype=torch.float32)
     edges_m = np.maximum(np.arange(settings.cells + 1) * settings.cell_m, settings.near_m)
     places = np.clip((edges_m - range_offset_m) / bin_m, 0, codes.shape[1])
     low = np.minimum(places.astype(np.int64), codes.shape[1] - 1)
-    part = (places - low).astype(np.float32)
-    upto = sums[:, low] * (1 - part) + sums[:, low + 1] * part
-    return np.rint(np.diff(upto, axis=1) * np.float32(bin_m / settings.cell_m)).astype(np.uint8)
+    part = torch.from_numpy((places - low).astype(np.float32))
+    before, after = (sums.index_select(1, torch.from_numpy(each)) for each in (low, low + 1))
+    upto = before * (1 - part) + after * part
+    return (upto.diff(dim=1) * (bin_m / settings.cell_m)).round().to(torch.uint8).numpy()
 
 
 class Projector:
-    """Makes pictures of range cells; the grid of a picture is computed once."""
+    """Makes pictures of range cells."""
 
     def __init__(self, settings: ImageSettings, azimuths: int) -> None:
         """Prepare for scans of `azimuths` rows."""
         self.settings, self.azimuths = settings, azimuths
-        self._row, self._column = self._places((0.0, 0.0))
+        self._offset = (torch.arange(settings.size, dtype=torch.float32) - (settings.size - 1) / 2) * 2
 
-    def _places(self, shift_m: tuple[float, float]) -> tuple[Tensor, Tensor]:
-        """Return row and column (size, size) of the polar scan that a picture shifted by so much shows."""
-        size, cell_m = self.settings.size, self.settings.cell_m
-        offset = (torch.arange(size, dtype=torch.float64) - (size - 1) / 2) * 2
-        forward, right = -offset[:, None] - shift_m[0] / cell_m, offset[None, :] - shift_m[1] / cell_m
-        turns = torch.atan2(right, forward) / (2 * math.pi)
-        return (turns % 1 * self.azimuths).float(), (torch.hypot(forward, right) - 0.5).clamp(min=0)
+    def _places(self, turn_rad: float, shift_m: tuple[float, float]) -> Tensor:
+        """Return (size, size, 2): range and turn of what a picture shows, each from -1 to 1."""
+        ahead, aside = (each / self.settings.cell_m for each in shift_m)
+        forward, right = (-self._offset - ahead)[:, None], (self._offset - aside)[None, :]
+        turns = torch.atan2(right, forward).sub_(turn_rad).mul_(1 / (2 * math.pi))
+        turns -= turns.floor()
+        cells = torch.hypot(forward, right).sub_(0.5).clamp_(min=0)
+        return torch.stack([cells.mul_(2 / (self.settings.cells - 1)).sub_(1), turns.mul_(2).sub_(1)], -1)
 
     def image(
         self,
@@ -111,13 +113,8 @@ class Projector:
             raise ValueError(f"cells must have the shape {wanted}, got {cells.shape}")
         polar = pad(torch.from_numpy(cells.astype(np.float32))[None, None], (0, 0, 0, 1))
         polar[:, :, -1] = polar[:, :, 0]  # so that the last row is followed by the first
-        row, column = (self._row, self._column) if shift_m == (0.0, 0.0) else self._places(shift_m)
-        row = (row - turn_rad * self.azimuths / (2 * math.pi)) % self.azimuths
-        grid = torch.stack(
-            [column * (2 / (self.settings.cells - 1)) - 1, row.double() * (2 / self.azimuths) - 1], -1
-        )
-        picture = grid_sample(polar, grid.float()[None], align_corners=True, padding_mode="border")
-        return picture[0] / CODE_OF_ONE
+        grid = self._places(turn_rad, shift_m)[None]
+        return grid_sample(polar, grid, align_corners=True, padding_mode="border")[0] / CODE_OF_ONE
 
 
 def image_of_codes(

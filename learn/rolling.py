@@ -113,10 +113,11 @@ def solved(
     thousandth of the error before it. Without it, points are taken as they are.
     """
     seen, motion = tuple(parts), _joint(parts, scale_m)
-    for _ in range(_ROUNDS if rolling is not None else 0):
-        assert rolling is not None
-        twist = twist_between(relative(parts[-1].stood_at, motion), rolling.gap_s)
-        seen = tuple(replace(part, matches=_rolled(part, twist, rolling)) for part in parts)
+    if rolling is None:
+        return motion, seen
+    parts = [_with_known_destinations(part, rolling) for part in parts]
+    for _ in range(_ROUNDS):
+        seen = _rolled(parts, twist_between(relative(parts[-1].stood_at, motion), rolling.gap_s), rolling)
         motion = _joint(seen, scale_m, near=motion)
     return motion, seen
 
@@ -146,14 +147,35 @@ def _joint_precision(parts: Sequence[Part]) -> Tensor | None:
     return torch.cat(known, 1) if len(known) == len(told) else None
 
 
-def _rolled(part: Part, twist: Twist, rolling: Rolling) -> Matches:
-    """Return a part's matches with the source's points moved by a twist, the others by their own."""
-    how = {"turn_s": rolling.turn_s, "doppler_beta_s": rolling.doppler_beta_s}
-    return replace(
-        part.matches,
-        source_m=at_middle(part.matches.source_m, twist, **how),
-        destination_m=at_middle(part.matches.destination_m, part.twist or twist, **how),
+def _with_known_destinations(part: Part, rolling: Rolling) -> Part:
+    """Return a part with its destinations at mid-scan, if they have velocities of their own."""
+    if part.twist is None:
+        return part
+    there_m = _at_middle(part.matches.destination_m, part.twist, rolling)
+    return replace(part, matches=replace(part.matches, destination_m=there_m))
+
+
+def _rolled(parts: Sequence[Part], twist: Twist, rolling: Rolling) -> tuple[Part, ...]:
+    """Return parts with the source's points moved by a twist, and destinations without one of their own."""
+    open_ends = [part.matches.destination_m for part in parts if part.twist is None]
+    points = [part.matches.source_m for part in parts] + open_ends
+    moved_m = _at_middle(torch.cat(points, 1), twist, rolling).split([each.shape[1] for each in points], 1)
+    sources, ends = moved_m[: len(parts)], iter(moved_m[len(parts) :])
+    return tuple(
+        replace(
+            part,
+            matches=replace(
+                part.matches,
+                source_m=source_m,
+                destination_m=part.matches.destination_m if part.twist is not None else next(ends),
+            ),
+        )
+        for part, source_m in zip(parts, sources, strict=True)
     )
+
+
+def _at_middle(points_m: Tensor, twist: Twist, rolling: Rolling) -> Tensor:
+    return at_middle(points_m, twist, turn_s=rolling.turn_s, doppler_beta_s=rolling.doppler_beta_s)
 
 
 def _moved(twist: Twist, time_s: Tensor) -> tuple[Tensor, Tensor]:
