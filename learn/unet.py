@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, interpolate, max_pool2d, pad
 
+from echoscape.learn.batch_norm import BatchNorm
 from echoscape.learn.layout import with_gradient_by_pixel
 
 CHANNELS = (8, 16, 32, 64, 128)
@@ -32,7 +33,7 @@ def block(inputs: int, outputs: int) -> nn.Sequential:
     layers: list[nn.Module] = []
     for channels in (inputs, outputs):
         layers += [nn.Conv2d(channels, outputs, 3, padding=1, bias=False)]
-        layers += [nn.BatchNorm2d(outputs, momentum=_MOMENTUM), nn.ReLU(inplace=True)]
+        layers += [BatchNorm(outputs, momentum=_MOMENTUM), nn.ReLU(inplace=True)]
     return nn.Sequential(*layers)
 
 
