@@ -1,7 +1,7 @@
 """Batch normalisation whose gradients do not slow down with a second thread.
 
-PyTorch's own sums of gradients by channel lie side by side for all threads, a few numbers each, so that threads
-wait for each other's cache lines: with eight channels two take twice as long as one. Values are PyTorch's.
+PyTorch's own sums of gradients by channel lie side by side for all threads, a few numbers each, so that
+threads wait for each other's cache lines: with eight channels two take twice as long as one.
 """
 
 from typing import Any, cast
@@ -18,7 +18,7 @@ _WIDE = 64
 class BatchNorm(nn.BatchNorm2d):
     """`nn.BatchNorm2d` of maps whose channels lie side by side."""
 
-    def forward(self, input: Tensor) -> Tensor:  # noqa: A002, its name in PyTorch
+    def forward(self, input: Tensor) -> Tensor:
         """Return maps (B, C, H, W) normalised by channel, by their own moments while training."""
         if not (self.training and torch.is_grad_enabled()):
             return super().forward(input)

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import grid_sample, interpolate, normalize
 
+from echoscape.learn.resizing import pixels_taken, shares_of_places
 from echoscape.learn.unet import Maps
 
 SMALLEST_NORM = 1e-6
@@ -41,19 +42,27 @@ def sampled(values: Tensor, points_px: Tensor) -> Tensor:
 def descriptors_at(maps: Maps, points_px: Tensor) -> Tensor:
     """Return unit descriptors (B, N, 248) at points (B, N, 2) row, column [px].
 
-    The same as `unit(sampled(dense_descriptors(maps), points_px))`, without the dense map: at the four
-    pixels around a point, each map is what its resized copy would be there.
+    The same as `unit(sampled(dense_descriptors(maps), points_px))` without the dense map: what a point has of
+    the four pixels around it, and these of a coarser map's, is what it has of nine of the latter.
     """
-    points_px = points_px.clamp(min=0).minimum(_last_pixel(maps[0], points_px))
+    last = _last_pixel(maps[0], points_px)
+    points_px = points_px.clamp(min=0).minimum(last)
     corner = points_px.detach().floor()
-    down, right = (points_px - corner)[..., None].unbind(-2)  # (B, N, 1) each
-    total = torch.zeros((), device=points_px.device)
-    for step_down in (0, 1):
-        for step_right in (0, 1):
-            pixel = corner + corner.new_tensor([step_down, step_right])
-            weight = (down if step_down else 1 - down) * (right if step_right else 1 - right)
-            total = total + weight * _at_pixels(maps, pixel)
-    return unit(total)
+    part = (points_px - corner)[..., None]
+    shares = torch.cat([1 - part, part], -1)  # (B, N, 2, 2) of the rows, and the columns, around a point
+    around = torch.stack([corner, (corner + 1).minimum(last)], -1)
+    found = [_between_pixels(each, (around + 0.5) / 2**i - 0.5, shares) for i, each in enumerate(maps)]
+    return unit(torch.cat(found, -1))
+
+
+def _between_pixels(values: Tensor, places: Tensor, shares: Tensor) -> Tensor:
+    """Return (B, N, C): maps (B, C, h, w) at two rows and two columns (B, N, 2, 2), which count by shares."""
+    last = places.new_tensor(values.shape[-2:])[:, None] - 1
+    places = places.clamp(min=0).minimum(last)
+    pixels = places[..., :1].floor() + torch.arange(3).to(places)  # two places are at most one pixel apart
+    rows, columns = (shares[..., None] * shares_of_places(places, pixels)).sum(3).unbind(2)
+    weights = (rows[..., None] * columns[..., None, :]).flatten(2)  # (B, N, 9)
+    return (weights[:, :, None] @ pixels_taken(values, pixels.minimum(last)))[:, :, 0]
 
 
 def embedding(maps: Maps) -> Tensor:
@@ -65,9 +74,3 @@ def embedding(maps: Maps) -> Tensor:
 
 def _last_pixel(values: Tensor, points_px: Tensor) -> Tensor:
     return points_px.new_tensor([values.shape[-2] - 1, values.shape[-1] - 1])
-
-
-def _at_pixels(maps: Maps, pixels: Tensor) -> Tensor:
-    """Return (B, N, 248) of the dense map at whole pixels (B, N, 2)."""
-    pixels = pixels.minimum(_last_pixel(maps[0], pixels))
-    return torch.cat([sampled(each, (pixels + 0.5) / 2**i - 0.5) for i, each in enumerate(maps)], -1)

@@ -203,8 +203,8 @@ class Estimator:
         projector = self._projectors[len(cells)]
         shift_m = (shown_at.x_m, shown_at.y_m)
         picture = projector.image(cells, turn_rad=shown_at.yaw_rad, shift_m=shift_m)[None]
-        with torch.autocast("cpu", self.solving.network, enabled=self.solving.network != torch.float32):
-            return ScanFeatures(seen=self.model.features(picture), cells=cells, shown_at=shown_at)
+        seen = self.model.features(picture, self.solving.network)
+        return ScanFeatures(seen=seen, cells=cells, shown_at=shown_at)
 
     def _estimate(
         self, source: ScanFeatures, into: Searchable, rolling: Rolling | None = None

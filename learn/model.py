@@ -134,10 +134,14 @@ class KeypointModel(nn.Module):
         maps = self.encoder(pad(images, [margin] * 4))
         return maps, None if self.scores is None else torch.sigmoid(self.scores(maps).float())
 
-    def features(self, images: Tensor) -> Features:
-        """Return all that a scan needs to be matched with others, of images (B, 1, H, H)."""
-        maps, scores = self.maps(images)
-        logits = None if self.locations is None else self.locations(maps)
+    def features(self, images: Tensor, network_dtype: torch.dtype = torch.float32) -> Features:
+        """Return all that a scan needs to be matched with others, of images (B, 1, H, H).
+
+        network_dtype: of the convolutions; keypoints are made of their results in float32.
+        """
+        with torch.autocast("cpu", network_dtype, enabled=network_dtype != torch.float32):
+            maps, scores = self.maps(images)
+            logits = None if self.locations is None else self.locations(maps)
         maps = _in_float32(maps)
         return Features(maps=maps, keypoints=self.keypoints(maps, scores, logits), scores=scores)
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from echoscape.learn.resizing import shares_of_places
-from echoscape.learn.searched_picture import SearchedPicture
+from echoscape.learn.resizing import pixels_taken, shares_of_places
+from echoscape.learn.searched_picture import Layer, SearchedPicture
 
 REACH = 3.5
 """Standard deviations that samples are looked at up to: 5e-4 of a normal distribution lies beyond."""
@@ -56,16 +56,15 @@ class NearSearch:
 def near_search(queries: Tensor, picture: SearchedPicture, *, temperature: float, near: Near) -> NearSearch:
     """Look for descriptors (B, N, 248) of unit length in pictures near where they are expected."""
     reach = min(math.ceil(REACH * near.deviation_px / picture.stride), max(picture.shape) - 1)
-    most = max(_pixels_around(layer.factor, reach) ** 2 * layer.values.shape[1] for layer in picture.layers)
+    most = max(
+        _pixels_around(each.factor, reach) ** 2 * each.values[:, :, 0, 0].numel() for each in picture.layers
+    )
     count = max(_PIECE // most, 1)
-    parts = []
-    for number, (query, places) in enumerate(zip(queries, near.places_px, strict=True)):
-        pieces = [
-            _searched(temperature * some, picture, number, where, near.deviation_px, reach)
-            for some, where in zip(query.split(count), places.split(count), strict=True)
-        ]
-        parts.append([torch.cat(each) for each in zip(*pieces, strict=True)])
-    found, spread, expected, expected_spread = (torch.stack(each) for each in zip(*parts, strict=True))
+    pieces = [
+        _searched(temperature * some, picture, where, near.deviation_px, reach)
+        for some, where in zip(queries.split(count, 1), near.places_px.split(count, 1), strict=True)
+    ]
+    found, spread, expected, expected_spread = (torch.cat(each, 1) for each in zip(*pieces, strict=True))
     return NearSearch(
         found=Moments(places_px=found, spread_px2=spread),
         expected=Moments(places_px=expected, spread_px2=expected_spread),
@@ -77,75 +76,56 @@ def _pixels_around(factor: int, reach: int) -> int:
     return 2 * reach + 1 if factor == 1 else math.ceil(2 * reach / factor) + 2
 
 
-def _likeness(queries: Tensor, values: Tensor, factor: int, middle: Tensor, reach: int) -> Tensor:
-    """Return (N, 2 reach + 1, 2 reach + 1): products of queries (N, C) with maps (C, h, w), resized.
+def _likeness(queries: Tensor, layer: Layer, middle: Tensor, reach: int) -> Tensor:
+    """Return (B, N, 2 reach + 1, 2 reach + 1): products of queries (B, N, C) with a layer's resized maps.
 
-    middle: (N, 2) row, column of the samples in the middle.
+    middle: (B, N, 2) row, column of the samples in the middle.
     """
-    channels, *size = values.shape
-    side, step = _pixels_around(factor, reach), torch.arange(2 * reach + 1).to(middle)
-    last = middle.new_tensor(size) - 1
-    first = ((middle - reach + 0.5) / factor - 0.5).floor()
-    pixels = first[..., None] + step[:side]  # (N, 2, side), some of them outside
-    flat = values.permute(1, 2, 0).reshape(-1, channels)
-    around = _taken(flat, size[1], pixels.clamp(min=0).minimum(last[:, None]))  # (N, side^2, C)
-    products = (queries[:, None] @ around.transpose(1, 2)).view(-1, side, side)
-    if factor == 1:
+    side, step = _pixels_around(layer.factor, reach), torch.arange(2 * reach + 1).to(middle)
+    last = middle.new_tensor(layer.values.shape[-2:])[:, None] - 1
+    first = ((middle - reach + 0.5) / layer.factor - 0.5).floor()
+    pixels = first[..., None] + step[:side]  # (B, N, 2, side), some of them outside
+    around = pixels_taken(layer.values, pixels.clamp(min=0).minimum(last))
+    products = (queries[:, :, None] @ around.transpose(2, 3)).unflatten(-1, (side, side))[:, :, 0]
+    if layer.factor == 1:
         return products
-    places = ((middle[..., None] - reach + step + 0.5) / factor - 0.5).clamp(min=0)
-    down, right = shares_of_places(places.minimum(last[:, None]), pixels).unbind(1)
-    return down @ products @ right.transpose(1, 2)
-
-
-def _taken(values: Tensor, columns: int, places: Tensor) -> Tensor:
-    """Return (N, side^2, C): what values (rows * columns, C) are where rows and columns (N, 2, side) meet."""
-    rows, across = places.long().unbind(1)
-    index = rows[..., None] * columns + across[:, None]
-    return values.index_select(0, index.flatten()).view(len(places), -1, values.shape[1])
+    places = ((middle[..., None] - reach + step + 0.5) / layer.factor - 0.5).clamp(min=0)
+    down, right = shares_of_places(places.minimum(last), pixels).unbind(2)
+    return down @ products @ right.transpose(2, 3)
 
 
 def _searched(
-    queries: Tensor,
-    picture: SearchedPicture,
-    number: int,
-    expected_px: Tensor,
-    deviation_px: float,
-    reach: int,
+    queries: Tensor, picture: SearchedPicture, expected_px: Tensor, deviation_px: float, reach: int
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return what is found, places (N, 2) [px] and covariances (N, 2, 2) [px^2], and what is expected.
-
-    queries: (N, 248); number: of the picture among its batch.
-    """
+    """Return places (B, N, 2) [px], covariances (B, N, 2, 2) [px^2], and the same of what is expected."""
     stride, size = picture.stride, queries.new_tensor(picture.shape)
     middle = ((expected_px + 0.5) / stride - 0.5).round().clamp(min=0).minimum(size - 1)
-    samples = middle[..., None] + torch.arange(-reach, reach + 1).to(middle)  # (N, 2, side)
-    inside = (samples >= 0) & (samples < size[:, None])
+    samples = middle[..., None] + torch.arange(-reach, reach + 1).to(middle)  # (B, N, 2, side)
     likeness = torch.zeros((), dtype=queries.dtype)
-    parts = queries.split([layer.values.shape[1] for layer in picture.layers], 1)
+    parts = queries.split([each.values.shape[1] for each in picture.layers], 2)
     for part, layer in zip(parts, picture.layers, strict=True):
-        likeness = likeness + _likeness(part, layer.values[number], layer.factor, middle, reach)
+        likeness = likeness + _likeness(part, layer, middle, reach)
     around = samples.clamp(min=0).minimum(size[:, None] - 1)
-    likeness = likeness / _taken(picture.lengths[number].reshape(-1, 1), picture.shape[1], around).view_as(
-        likeness
-    )
+    likeness = likeness / pixels_taken(picture.lengths[:, None], around).view_as(likeness)
     away_px = (samples + 0.5) * stride - 0.5 - expected_px[..., None]
-    log_prior = (-(away_px**2) / (2 * deviation_px**2)).masked_fill(~inside, -math.inf)
-    logits = likeness + log_prior[:, 0, :, None] + log_prior[:, 1, None]
-    chances = logits.flatten(1).softmax(-1).view_as(logits)
+    outside = (samples < 0) | (samples >= size[:, None])
+    log_prior = (-(away_px**2) / (2 * deviation_px**2)).masked_fill(outside, -math.inf)
+    logits = likeness + log_prior[:, :, 0, :, None] + log_prior[:, :, 1, None]
+    chances = logits.flatten(2).softmax(-1).view_as(logits)
     prior = log_prior.softmax(-1)
     found = _moments(chances, away_px)
-    expected = _moments(prior[:, 0, :, None] * prior[:, 1, None], away_px)
+    expected = _moments(prior[:, :, 0, :, None] * prior[:, :, 1, None], away_px)
     return expected_px + found[0], found[1], expected_px + expected[0], expected[1]
 
 
 def _moments(chances: Tensor, away_px: Tensor) -> tuple[Tensor, Tensor]:
-    """Return means (N, 2) [px] and covariances (N, 2, 2) [px^2], `_LEAST_PX2` included.
+    """Return means (B, N, 2) [px] and covariances (B, N, 2, 2) [px^2], `_LEAST_PX2` included.
 
-    chances: (N, side, side), whose sum is 1; away_px: (N, 2, side) of rows and of columns.
+    chances: (B, N, side, side), whose sum is 1; away_px: (B, N, 2, side) of rows and of columns.
     """
-    by_side = torch.stack([chances.sum(2), chances.sum(1)], 1)
+    by_side = torch.stack([chances.sum(3), chances.sum(2)], 2)
     mean = (by_side * away_px).sum(-1)
     off = away_px - mean[..., None]
     spread = torch.diag_embed((by_side * off**2).sum(-1) + _LEAST_PX2)
-    crossed = off[:, :1] @ chances @ off[:, 1:].transpose(1, 2)  # (N, 1, 1)
+    crossed = off[:, :, :1] @ chances @ off[:, :, 1:].transpose(2, 3)  # (B, N, 1, 1)
     return mean, spread + crossed * (1 - torch.eye(2)).to(spread)

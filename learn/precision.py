@@ -106,7 +106,7 @@ def motion_by_precision(
         if scale_m is not None:
             share = weights / (1 + weighed_squares(off, precision) / (part * scale_m) ** 2) ** 2
         turned_m = source_m @ motion.rotation.transpose(1, 2)
-        step, known = _step(off, turned_m, share[..., None, None] * precision)
+        step, known = _step(off, turned_m, precision, share)
         certain = certain & known
         yaw, shift_m = yaw + step[:, 0], shift_m + step[:, 1:]
     found = torch.cat([shift_m, yaw[:, None]], 1)
@@ -123,20 +123,32 @@ def _begun(source_m: Tensor, destination_m: Tensor, weights: Tensor, scale_m: fl
 
 def weighed_squares(off_m: Tensor, precision: Tensor) -> Tensor:
     """Return (..., N) [m^2]: r^T P r of residuals (..., N, 2) and precisions (..., N, 2, 2)."""
-    return (off_m * (precision @ off_m[..., None])[..., 0]).sum(-1)
+    return (off_m * _by_direction(precision, off_m)).sum(-1)
 
 
-def _step(off_m: Tensor, turned_m: Tensor, precision: Tensor) -> tuple[Tensor, Tensor]:
+def _by_direction(precision: Tensor, vectors: Tensor) -> Tensor:
+    """Return (..., 2): precisions (..., 2, 2), which are symmetric, times vectors (..., 2)."""
+    return precision[..., 0, :] * vectors[..., :1] + precision[..., 1, :] * vectors[..., 1:]
+
+
+def _step(off_m: Tensor, turned_m: Tensor, precision: Tensor, share: Tensor) -> tuple[Tensor, Tensor]:
     """Return the change (B, 3) of yaw and shift that takes away most of residuals, and whether it is known.
 
-    With p a turned source, a small turn a moves it by a (-p_right, p_forward): linear least squares in three
-    unknowns. The normal matrix is divided by its diagonal, so that units do not decide what is known.
+    With p a turned source, a small turn a moves it by a j, j = (-p_right, p_forward): linear least squares in
+    three unknowns, of residuals r that count by share s and precision P. Its normal matrix has the sums of
+    s j^T P j, of s P j, and of s P; what it is to be equal to has those of s j^T P r and of s P r. The matrix
+    is divided by its diagonal, so that units do not decide what is known.
     """
-    turning = torch.stack([-turned_m[..., 1], turned_m[..., 0]], -1)[..., None]
-    shifting = torch.eye(2, dtype=off_m.dtype).expand(*off_m.shape, 2)
-    slope = torch.cat([turning, shifting], -1)  # (B, N, 2, 3)
-    weighed = slope.transpose(-1, -2) @ precision
-    normal, wanted = (weighed @ slope).sum(1), (weighed @ off_m[..., None]).sum(1)  # (B, 3, 3), (B, 3, 1)
+    turning = torch.stack([-turned_m[..., 1], turned_m[..., 0]], -1)
+    by_turn, wanted_shift = _by_direction(precision, turning), _by_direction(precision, off_m)
+    of_turns = torch.stack([(turning * by_turn).sum(-1), (turning * wanted_shift).sum(-1)], -1)
+    terms = torch.cat([of_turns, by_turn, wanted_shift, precision.flatten(-2)], -1)  # (B, N, 10)
+    turn, wanted_turn, by_turn, wanted_shift, by_shift = (share[:, None] @ terms)[:, 0].split(
+        [1, 1, 2, 2, 4], -1
+    )
+    upper = torch.cat([turn, by_turn], -1)[:, None]
+    lower = torch.cat([by_turn[..., None], by_shift.unflatten(-1, (2, 2))], -1)
+    normal, wanted = torch.cat([upper, lower], 1), torch.cat([wanted_turn, wanted_shift], -1)[..., None]
     size = normal.diagonal(dim1=1, dim2=2).clamp(min=torch.finfo(off_m.dtype).tiny).sqrt()
     balanced = normal / size[:, :, None] / size[:, None, :]
     finite = balanced.isfinite().all((1, 2)) & wanted.isfinite().all((1, 2))

@@ -29,6 +29,16 @@ def shares_of_places(places: Tensor, pixels: Tensor) -> Tensor:
     return (1 - (places[..., :, None] - pixels[..., None, :]).abs()).clamp(min=0)
 
 
+def pixels_taken(values: Tensor, pixels: Tensor) -> Tensor:
+    """Return (B, N, S^2, C): what maps (B, C, H, W) are where rows and columns (B, N, 2, S) meet."""
+    batch, channels, height, width = values.shape
+    by_pixel = values.permute(0, 2, 3, 1).reshape(-1, channels)
+    first = torch.arange(batch, device=values.device)[:, None, None, None] * (height * width)
+    rows, columns = pixels.long().unbind(2)
+    index = first + rows[..., None] * width + columns[..., None, :]
+    return by_pixel.index_select(0, index.flatten()).view(*index.shape[:2], -1, channels)
+
+
 def squared_lengths(values: Tensor, factor: int) -> Tensor:
     """Return (B, f H, f W): the sum over channels of `resized(values, f)`^2, without resizing (B, C, H, W).
 
