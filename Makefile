@@ -10,7 +10,7 @@ READY := $(VENV)/.ready
 $(READY): pyproject.toml constraints.txt hatch_build.py
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet -c constraints.txt torch
-	$(BIN)/python -m pip install --quiet -c constraints.txt --editable . pytest pytest-benchmark hypothesis ruff "pyright[nodejs]"
+	$(BIN)/python -m pip install --quiet -c constraints.txt --editable . pytest pytest-xdist hypothesis ruff "pyright[nodejs]"
 	touch $@
 
 demo: $(READY)
@@ -75,11 +75,13 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
+# A process for each core, each with one thread; tests that share what is costly to make stay together.
+PYTEST = $(BIN)/python -m pytest -n auto
 test: lint
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 test-slow: $(READY)
-	$(BIN)/python -m pytest -m slow
+	$(PYTEST) -m slow
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks.scan_rate
