@@ -2,14 +2,13 @@
 
     python -m benchmarks.inference [--sizes 320 640] [--threads 2] [--repeats 5] [--data FOLDER]
 
-A pair alone costs a scan's features and a search in the scan before, a scan that is followed a search in
-the keyframe besides; a new keyframe, every few scans, costs features once more. Scans and weights are drawn
-numbers; with a folder its first 32 scans are followed by the weights that come along besides.
+A pair alone costs a scan's features and a search in the scan before; of drawn numbers, by drawn weights. A
+scan that is followed costs two searches near where its keypoints are expected, and every few scans a new
+keyframe's features: with a folder its first 32 scans are followed by the weights that come along besides.
 """
 
 import argparse
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ from benchmarks.machine import description
 from benchmarks.training_step import medians
 from echoscape.eval.learned import learned_odometry, shipped_weights
 from echoscape.learn.beginning import initial_model
-from echoscape.learn.following import Follower, Scan
 from echoscape.learn.image import ImageSettings, Projector, range_cells
 from echoscape.learn.inference import Estimator, Solving, quick_solving
 from echoscape.learn.matching import expected_matches
@@ -36,22 +34,16 @@ def measure(label: str, size: int, solving: Solving, repeats: int) -> None:
     shape = (CTS350X.azimuths, CTS350X.bins)
     codes, bin_m = np.random.default_rng(1).integers(0, 120, shape, np.uint8), CTS350X.bin_m
     scan, projector = estimator.features(codes, bin_m), Projector(image, len(codes))
-    follower = Follower(estimator)
-    come = Scan(codes=codes, bin_m=bin_m, range_offset_m=0.0, middle_s=0.0, turn_s=0.25)
-    _, track = follower.follow(follower.start(come), replace(come, middle_s=0.25))
-    after = replace(come, middle_s=0.5)
     parts = {
         "picture": lambda: projector.image(range_cells(codes, bin_m, image)),
         "picture and features": lambda: estimator.features(codes, bin_m),
         "pair": lambda: estimator.estimate(scan, scan),
-        "scan of a drive": lambda: follower.follow(track, after),
     }
     found = {name: medians(part, repeats) for name, part in parts.items()}
     for name, (seconds, used) in found.items():
         print(f"{label}, {name}: {seconds:.3f} s ({used:.3f} s of processor time)", flush=True)
     rate = 1 / (found["picture and features"][0] + found["pair"][0])
     print(f"{label}, pairs a second, each alone: {rate:.1f}", flush=True)
-    print(f"{label}, pairs a second, followed: {1 / found['scan of a drive'][0]:.1f}", flush=True)
 
 
 @torch.inference_mode()

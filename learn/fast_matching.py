@@ -40,20 +40,18 @@ class Search:
     log_sums: Tensor
 
 
-def fast_search(
-    queries: Tensor, picture: SearchedPicture, *, temperature: float, dtype: torch.dtype = torch.float32
-) -> Search:
+def fast_search(queries: Tensor, picture: SearchedPicture, *, temperature: float) -> Search:
     """Look for descriptors (B, N, 248) of unit length in pictures, with gradients.
 
-    The places are those of `matching.expected_matches` on the picture's grid; dtype: of the products, whose
-    sums stay float32.
+    The places are those of `matching.expected_matches` on the picture's grid; sums of products have the
+    queries' number format, products the picture's.
     """
     grid = pixel_grid(*picture.shape, like=queries)
     weights = torch.cat([torch.ones_like(grid[:, :1]), grid], 1).T.contiguous()
     places, log_sums = [], []
     lengths = picture.lengths.detach().flatten(1)
     for query, descriptors, length in zip(queries, picture.stacked, lengths, strict=True):
-        place, log_sum = _Searched.apply(temperature * query, descriptors, length, weights, dtype)
+        place, log_sum = _Searched.apply(temperature * query, descriptors, length, weights)
         places.append((place + 0.5) * picture.stride - 0.5)
         log_sums.append(log_sum)
     return Search(places_px=torch.stack(places), log_sums=torch.stack(log_sums))
@@ -64,9 +62,9 @@ class _Searched(Function):
 
     @staticmethod
     def forward(  # type: ignore[override]
-        ctx: Any, queries: Tensor, descriptors: Tensor, lengths: Tensor, weights: Tensor, dtype: torch.dtype
+        ctx: Any, queries: Tensor, descriptors: Tensor, lengths: Tensor, weights: Tensor
     ) -> tuple[Tensor, Tensor]:
-        left, right = queries.to(dtype), _unit_pieces(descriptors, lengths, dtype)
+        left, right = queries.to(descriptors.dtype), _unit_pieces(descriptors, lengths)
         kept: list[Tensor] = []
         keep = kept if any(ctx.needs_input_grad) else None
         shift = _largest(left, right, _EVERY)
@@ -94,22 +92,22 @@ class _Searched(Function):
         constant = log_slope[:, None] - (slope * places).sum(1, keepdim=True)
         factor = torch.cat([constant, slope], 1) / total[:, None]
         by_left = torch.zeros_like(left, dtype=slope.dtype)
-        by_descriptors = slope.new_empty(left.shape[1], len(lengths))
+        by_descriptors = left.new_empty(left.shape[1], len(lengths))
         pieces = zip(_parts(len(lengths)), kept[: len(kept) // 2], kept[len(kept) // 2 :], strict=True)
         for part, unit, numerators in pieces:
             piece = (factor @ weights[:, part]).mul_(numerators).to(unit.dtype)
             by_left += piece @ unit.T
             by_unit, long = (left.T @ piece).to(slope.dtype), lengths[part] > SMALLEST_NORM
             along = torch.where(long, (by_unit * unit).sum(0), 0.0)
-            by_descriptors[:, part] = by_unit.addcmul_(unit.to(slope.dtype), along, value=-1)
-            by_descriptors[:, part] /= lengths[part]
-        return by_left, by_descriptors, None, None, None
+            by_unit.addcmul_(unit.to(slope.dtype), along, value=-1)
+            by_descriptors[:, part] = by_unit.div_(lengths[part])
+        return by_left, by_descriptors, None, None
 
 
-def _unit_pieces(descriptors: Tensor, lengths: Tensor, dtype: torch.dtype) -> list[Tensor]:
+def _unit_pieces(descriptors: Tensor, lengths: Tensor) -> list[Tensor]:
     """Return descriptors (K, P) over their lengths, piece by piece."""
     inverse = 1 / lengths
-    return [(descriptors[:, part] * inverse[part]).to(dtype) for part in _parts(len(lengths))]
+    return [(descriptors[:, part] * inverse[part]).to(descriptors.dtype) for part in _parts(len(lengths))]
 
 
 def _largest(left: Tensor, right: list[Tensor], every: int) -> Tensor:

@@ -131,9 +131,7 @@ class Estimator:
         within_m: where both are shown in one frame, how far off in it a match is expected to be, as a
         standard deviation [m]; None expects it anywhere alike.
         """
-        found = self.model.matches(
-            source.seen.keypoints, into.destination, self.solving.matching, within_m=within_m
-        )
+        found = self.model.matches(source.seen.keypoints, into.destination, within_m=within_m)
         return replace(
             found,
             source_m=source.shown_at.inverse().of_points(found.source_m),

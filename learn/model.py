@@ -126,7 +126,7 @@ class KeypointModel(nn.Module):
         source_scores, destination_scores = (None, None) if scores is None else scores.split(count)
         found = self.keypoints(_in_float32(source_maps), source_scores, logits)
         into = destination_of(_in_float32(destination_maps), destination_scores, matching)
-        return self.matches(found, into, matching, true_places)
+        return self.matches(found, into, true_places)
 
     def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
         """Return the encoder's maps and the scores of images (B, 1, H, H), the margin included."""
@@ -156,12 +156,11 @@ class KeypointModel(nn.Module):
         self,
         source: Keypoints,
         into: Destination,
-        matching: Matching,
         true_places: TruePlaces | None = None,
         *,
         within_m: float | None = None,
     ) -> Matches:
-        """Look for the source's keypoints in destinations, prepared for the same matching.
+        """Look for the source's keypoints in destinations.
 
         within_m: where pictures are shown in one frame, how far from its own place each keypoint is expected,
         as a standard deviation [m]; None expects it anywhere alike. true_places: where each truly is in the
@@ -172,9 +171,7 @@ class KeypointModel(nn.Module):
         precision = surprisal = None
         if within_m is None:
             temperature = self.settings.temperature
-            found = fast_search(
-                source.descriptors, into.picture, temperature=temperature, dtype=matching.dtype
-            )
+            found = fast_search(source.descriptors, into.picture, temperature=temperature)
             places = found.places_px
             if true_places is not None:
                 surprisal = self._surprisal(source, into.picture, found.log_sums, true_places)
@@ -231,7 +228,8 @@ class KeypointModel(nn.Module):
 
 def destination_of(maps: Maps, scores: Tensor | None, matching: Matching) -> Destination:
     """Return pictures with these maps and scores, ready to be searched."""
-    return Destination(picture=SearchedPicture(maps=maps, stride=matching.stride), scores=scores)
+    picture = SearchedPicture(maps=maps, stride=matching.stride, dtype=matching.dtype)
+    return Destination(picture=picture, scores=scores)
 
 
 def _in_float32(maps: Maps) -> Maps:

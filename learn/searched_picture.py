@@ -28,7 +28,10 @@ class Layer:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchedPicture:
-    """B pictures by the encoder's maps, finest first (B, C, h, w); stride: pixels that a sample is wide.
+    """B pictures by the encoder's maps, finest first (B, C, h, w).
+
+    stride: pixels that a sample is wide; dtype: of dense descriptors and the large products with them, None
+    for that of the maps.
 
     Raises:
         ValueError: the stride is none of `STRIDES`.
@@ -36,6 +39,7 @@ class SearchedPicture:
 
     maps: Maps
     stride: int = 1
+    dtype: torch.dtype | None = None
 
     def __post_init__(self) -> None:
         if self.stride not in STRIDES:
@@ -64,8 +68,9 @@ class SearchedPicture:
 
     @cached_property
     def stacked(self) -> Tensor:
-        """The dense descriptors (B, 248, rows * columns), not of unit length."""
-        return torch.cat([resized(each.values, each.factor).flatten(2) for each in self.layers], 1)
+        """The dense descriptors (B, 248, rows * columns) in `dtype`, not of unit length."""
+        dtype = self.dtype or self.maps[0].dtype
+        return torch.cat([resized(each.values.to(dtype), each.factor).flatten(2) for each in self.layers], 1)
 
     def descriptors(self) -> Tensor:
         """Return the dense descriptors (B, 248, rows, columns) of unit length."""

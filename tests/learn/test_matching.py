@@ -34,11 +34,10 @@ def _fast(
     *,
     temperature: float = T,
     stride: int = 1,
-    dtype: torch.dtype = torch.float32,
+    dtype: torch.dtype | None = None,
 ) -> Search:
-    return fast_search(
-        queries, SearchedPicture(maps=maps, stride=stride), temperature=temperature, dtype=dtype
-    )
+    picture = SearchedPicture(maps=maps, stride=stride, dtype=dtype)
+    return fast_search(queries, picture, temperature=temperature)
 
 
 def _places(queries: Tensor, maps: Maps, **how: Any) -> Tensor:

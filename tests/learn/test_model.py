@@ -54,7 +54,7 @@ def test_ideal_descriptors_give_the_motion(yaw: float, matching: Matching) -> No
     destination, source = (2.0, -3.0, 0.7), (2.0 + 5.3, -3.0 + 4.1, 0.7 + yaw)
     keypoints = keypoints_at(_inner_points(), _ideal_maps(*source), None)
     into = destination_of(_ideal_maps(*destination), None, matching)
-    found = model.matches(keypoints, into, matching).motion()
+    found = model.matches(keypoints, into).motion()
     shift = complex(5.3, 4.1) * np.exp(-0.7j)  # forward + i right, in the destination's frame
     assert_allclose(found.translation_m[0], [shift.real, shift.imag], atol=0.02 * PIXEL_M)
     assert_allclose(math.remainder(float(found.yaw_rad) - yaw, 2 * math.pi), 0, atol=1e-3)
@@ -76,8 +76,7 @@ def test_surprisal_is_the_cross_entropy_with_the_true_place(stride: int) -> None
     )
     back = Motion(rotation=truth.rotation.mT, translation_m=-truth.translation_m, certain=truth.certain)
     right, wrong = (
-        model.matches(keypoints, into, matching, partial(moved, motion=each)).surprisal
-        for each in (truth, back)
+        model.matches(keypoints, into, partial(moved, motion=each)).surprisal for each in (truth, back)
     )
     assert right is not None
     assert wrong is not None
@@ -103,8 +102,8 @@ def test_what_is_looked_for_near_its_place_is_found_as_if_it_were_not() -> None:
     points = _inner_points()
     keypoints = replace(keypoints_at(points, maps, None), points_px=points + off)  # expected a little off
     into = destination_of(maps, None, matching)
-    found = model.matches(keypoints, into, matching, within_m=3 * PIXEL_M)
-    assert model.matches(keypoints, into, matching).precision is None
+    found = model.matches(keypoints, into, within_m=3 * PIXEL_M)
+    assert model.matches(keypoints, into).precision is None
     assert found.precision is not None
     assert float(found.precision.diagonal(dim1=-2, dim2=-1).min()) > 0.15
     far = torch.linalg.vector_norm(found.destination_m - model.metres(points), dim=-1)
@@ -123,9 +122,7 @@ def test_places_outside_the_destination_surprise_nobody() -> None:
         certain=torch.ones(1, dtype=torch.bool),
     )
     keypoints = keypoints_at(_inner_points(), maps, None)
-    found = model.matches(
-        keypoints, destination_of(maps, None, matching), matching, partial(moved, motion=away)
-    )
+    found = model.matches(keypoints, destination_of(maps, None, matching), partial(moved, motion=away))
     assert found.surprisal is not None
     assert bool((found.surprisal == 0).all())
 
@@ -234,9 +231,7 @@ def test_precisions_by_row_are_told_forward(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(
         "echoscape.learn.model.without_expectation", lambda *_: (keypoints.points_px, down_right)
     )
-    found = model.matches(
-        keypoints, destination_of(maps, None, Matching()), Matching(), within_m=1.0
-    ).precision
+    found = model.matches(keypoints, destination_of(maps, None, Matching()), within_m=1.0).precision
     assert found is not None
     assert_allclose(found[0, 0], [[0.5, -0.4], [-0.4, 0.5]])
 
@@ -259,9 +254,7 @@ def test_true_places_are_not_asked_for_with_an_expectation() -> None:
     model, maps = KeypointModel(SETTINGS), _ideal_maps(0.0, 0.0, 0.0)
     keypoints = keypoints_at(_inner_points(), maps, None)
     with pytest.raises(ValueError, match="true_places goes without within_m"):
-        model.matches(
-            keypoints, destination_of(maps, None, Matching()), Matching(), lambda x: x, within_m=1.0
-        )
+        model.matches(keypoints, destination_of(maps, None, Matching()), lambda x: x, within_m=1.0)
 
 
 @pytest.mark.parametrize("size", [150, 100, 20])

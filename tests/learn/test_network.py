@@ -11,7 +11,8 @@ from torch.nn.functional import interpolate, max_pool2d
 
 from echoscape.learn.descriptors import dense_descriptors, descriptors_at, embedding, sampled, unit
 from echoscape.learn.keypoints import cell_centres, expected_places
-from echoscape.learn.unet import CHANNELS, Decoder, Encoder, blurred_max_pool
+from echoscape.learn.unet import CHANNELS, Decoder, Encoder, Pooling, blurred_max_pool
+from echoscape.learn.without_gradients import upsampled_above
 from tests.learn.maps import drawn_maps, drawn_points
 
 
@@ -100,6 +101,27 @@ def test_blurred_maxima_are_the_same_where_no_gradient_is_asked_for(shape: tuple
     values = torch.randn(shape, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
     plain = blurred_max_pool(values.clone().requires_grad_())
     assert_allclose(blurred_max_pool(values), plain.detach(), atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(2, 3, 4, 6), (1, 1, 1, 1), (1, 5, 1, 3)])
+def test_upsampling_beside_finer_maps_is_that_of_interpolation(shape: tuple[int, ...]) -> None:
+    draws = torch.Generator().manual_seed(6)
+    coarse = torch.randn(shape, generator=draws, dtype=torch.float64)
+    fine = torch.randn((shape[0], 2, 2 * shape[2], 2 * shape[3]), generator=draws, dtype=torch.float64)
+    plain = torch.cat([interpolate(coarse, scale_factor=2, mode="bilinear", align_corners=False), fine], 1)
+    assert_allclose(upsampled_above(coarse, fine), plain, atol=1e-12)
+
+
+@pytest.mark.parametrize("pooling", ["max", "blurred"])
+def test_a_network_says_the_same_with_and_without_gradients(pooling: Pooling) -> None:
+    torch.manual_seed(1)
+    encoder, decoder = Encoder(pooling).eval(), Decoder().eval()
+    images = torch.rand(2, 1, 32, 48)
+    asked = decoder(encoder(images))
+    with torch.inference_mode():
+        found = decoder(encoder(images))
+    assert asked.requires_grad
+    assert_allclose(found, asked.detach(), atol=1e-6)
 
 
 def test_blurred_maxima_of_a_ramp_are_its_maxima_where_pools_are() -> None:
