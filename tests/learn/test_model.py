@@ -170,6 +170,17 @@ def test_heads_can_be_left_out(location_head: bool, score_head: bool) -> None:
     assert all(each.grad is not None and bool(each.grad.isfinite().all()) for each in model.parameters())
 
 
+def test_keypoints_are_made_in_float32_of_a_bfloat16_network() -> None:
+    model = initial_model(SETTINGS, seed=1).eval()
+    found = model.features(_picture(), torch.bfloat16)
+    points = found.keypoints.points_px
+    assert points.dtype == torch.float32
+    assert float((points - points.bfloat16()).detach().abs().max()) > 0.01
+    again = keypoints_at(points, found.maps, found.scores)
+    assert torch.equal(found.keypoints.descriptors, again.descriptors)
+    assert all(torch.equal(each, each.bfloat16().float()) for each in found.maps)
+
+
 def test_folding_normalisation_into_convolutions_changes_rounding_alone() -> None:
     model = initial_model(SETTINGS, seed=3)
     with torch.no_grad():
