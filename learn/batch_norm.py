@@ -19,9 +19,19 @@ class BatchNorm(nn.BatchNorm2d):
     """`nn.BatchNorm2d` of maps whose channels lie side by side."""
 
     def forward(self, input: Tensor) -> Tensor:
-        """Return maps (B, C, H, W) normalised by channel, by their own moments while training."""
-        if not (self.training and torch.is_grad_enabled()):
+        """Return maps (B, C, H, W) normalised by channel, by their own moments while training.
+
+        Raises:
+            ValueError: there are not four sides, other channels than the layer's, or one value a channel.
+        """
+        usual = self.affine and self.track_running_stats and self.momentum is not None
+        if not (usual and self.training and torch.is_grad_enabled()):
             return super().forward(input)
+        self._check_input_dim(input)
+        # What PyTorch calls next writes where other channels would be, unchecked.
+        if input.shape[1] != self.num_features or input.numel() <= self.num_features:
+            wanted = f"(B, {self.num_features}, H, W) with more than one value a channel"
+            raise ValueError(f"input must be {wanted}, got {tuple(input.shape)}")
         cast("Tensor", self.num_batches_tracked).add_(1)
         values = input.contiguous(memory_format=torch.channels_last)
         moments = self.running_mean, self.running_var, self.momentum, self.eps

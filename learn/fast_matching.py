@@ -1,8 +1,8 @@
 """Matching as `matching` has it, but piece by piece, without the matrix of all similarities.
 
-Source: the sums of `matching.expected_matches`. Dense descriptors, on every pixel or between every four, get
-their unit length, and similarities with them are made, used and forgotten, while they are in the processor's
-cache. Only the softmax's numerators are kept where gradients are asked for.
+Source: the sums of `matching.expected_matches`. Similarities with the dense descriptors, on every pixel or
+between every four, are made, used and forgotten while they are in the processor's cache; only the softmax's
+numerators are kept where gradients are asked for.
 """
 
 from collections.abc import Iterator

@@ -85,6 +85,7 @@ class Projector:
 
     def _places(self, turn_rad: float, shift_m: tuple[float, float]) -> Tensor:
         """Return (size, size, 2): range and turn of what a picture shows, each from -1 to 1."""
+        turn_rad = math.remainder(turn_rad, 2 * math.pi)
         ahead, aside = (each / self.settings.cell_m for each in shift_m)
         forward, right = (-self._offset - ahead)[:, None], (self._offset - aside)[None, :]
         turns = torch.atan2(right, forward).sub_(turn_rad).mul_(1 / (2 * math.pi))

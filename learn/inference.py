@@ -38,7 +38,10 @@ class ScanFeatures:
 
 @dataclass(frozen=True, kw_only=True)
 class Searchable:
-    """A scan's picture made ready for others to be looked for in, and the scan's pose in its frame."""
+    """A scan's picture for others to be looked for in, and the scan's pose in its frame.
+
+    What searches share is made by the first of them, and kept.
+    """
 
     destination: Destination
     shown_at: PlaneMotion

@@ -227,7 +227,7 @@ class KeypointModel(nn.Module):
 
 
 def destination_of(maps: Maps, scores: Tensor | None, matching: Matching) -> Destination:
-    """Return pictures with these maps and scores, ready to be searched."""
+    """Return pictures with these maps and scores, to be searched as `matching` says."""
     picture = SearchedPicture(maps=maps, stride=matching.stride, dtype=matching.dtype)
     return Destination(picture=picture, scores=scores)
 

@@ -22,7 +22,7 @@ REACH = 3.5
 _LEAST_PX2 = 0.02
 """Variance that a place has even where one sample has it all, so that inverses are finite [px^2]."""
 _PIECE = 2**25
-"""Numbers of descriptors that are taken at once (128 MB)."""
+"""Numbers of a layer of maps that are taken at once (128 MB)."""
 
 
 @dataclass(frozen=True, kw_only=True)

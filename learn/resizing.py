@@ -30,11 +30,14 @@ def shares_of_places(places: Tensor, pixels: Tensor) -> Tensor:
 
 
 def pixels_taken(values: Tensor, pixels: Tensor) -> Tensor:
-    """Return (B, N, S^2, C): what maps (B, C, H, W) are where rows and columns (B, N, 2, S) meet."""
+    """Return (B, N, S^2, C): what maps (B, C, H, W) are where rows and columns (B, N, 2, S) meet.
+
+    Places that are not finite are taken as 0; shares that come of them say so in what is made of the pixels.
+    """
     batch, channels, height, width = values.shape
     by_pixel = values.permute(0, 2, 3, 1).reshape(-1, channels)
     first = torch.arange(batch, device=values.device)[:, None, None, None] * (height * width)
-    rows, columns = pixels.long().unbind(2)
+    rows, columns = pixels.nan_to_num(0.0).long().unbind(2)
     index = first + rows[..., None] * width + columns[..., None, :]
     return by_pixel.index_select(0, index.flatten()).view(*index.shape[:2], -1, channels)
 
@@ -42,8 +45,14 @@ def pixels_taken(values: Tensor, pixels: Tensor) -> Tensor:
 def squared_lengths(values: Tensor, factor: int) -> Tensor:
     """Return (B, f H, f W): the sum over channels of `resized(values, f)`^2, without resizing (B, C, H, W).
 
-    Between four pixels a resized map is their mean with weights, and its square one of their products.
+    Between four pixels a resized map is their mean with weights, and its square one of their products, which
+    by rounding may be a little below 0.
+
+    Raises:
+        ValueError: the factor is neither 1 nor even.
     """
+    if factor != 1 and factor % 2:
+        raise ValueError(f"factor must be 1 or even, got {factor}")
     if factor == 1:
         return values.square().sum(1)
     wide = torch.nn.functional.pad(values, (1, 1, 1, 1), mode="replicate")
@@ -63,5 +72,5 @@ def squared_lengths(values: Tensor, factor: int) -> Tensor:
     batch, rows, columns, _ = boxes.shape
     samples = boxes.unflatten(-1, (factor, factor)).transpose(2, 3)
     samples = samples.reshape(batch, rows * factor, columns * factor)
-    edge = factor // 2  # factors are even: half a box lies outside
+    edge = factor // 2  # half a box lies outside
     return samples[:, edge:-edge, edge:-edge]

@@ -31,7 +31,8 @@ class SearchedPicture:
     """B pictures by the encoder's maps, finest first (B, C, h, w).
 
     stride: pixels that a sample is wide; dtype: of dense descriptors and the large products with them, None
-    for that of the maps.
+    for that of the maps. What is made of the maps is made when it is first asked for, and kept, with its
+    gradients if these are asked for then.
 
     Raises:
         ValueError: the stride is none of `STRIDES`.
@@ -64,7 +65,7 @@ class SearchedPicture:
     def lengths(self) -> Tensor:
         """Lengths (B, rows, columns) of the descriptors, at least `SMALLEST_NORM`."""
         squares = [squared_lengths(each.values, each.factor) for each in self.layers]
-        return torch.stack(squares).sum(0).sqrt().clamp(min=SMALLEST_NORM)
+        return torch.stack(squares).sum(0).clamp(min=0).sqrt().clamp(min=SMALLEST_NORM)
 
     @cached_property
     def stacked(self) -> Tensor:

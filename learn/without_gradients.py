@@ -9,7 +9,7 @@ from torch import Tensor
 
 
 def blurred_maxima(values: Tensor) -> Tensor:
-    """Return what `unet.blurred_max_pool` does: (B, C, H / 2, W / 2) of maps (B, C, H, W).
+    """Return what `unet.blurred_max_pool` does: (B, C, H / 2, W / 2) of maps (B, C, H, W), even H and W.
 
     Rows first, then columns: maxima of neighbours at odd and at even places, of which the even ones are those
     between two results.

@@ -5,29 +5,28 @@ from pathlib import PurePosixPath
 from typing import Any
 
 import pytest
-from xdist.scheduler import LoadScopeScheduling
+
+# With a process for each core, a second thread in each would only wait for the others. Torch reads this once.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 TOGETHER = ("physics", "scenes")
 """Folders whose quick tests run in one process: the page of laws sees them all; towns are built once."""
 
 
-def pytest_configure() -> None:
-    """With a process for each core, a second thread in each would only wait for the others."""
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        os.environ.setdefault("OMP_NUM_THREADS", "1")
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give a file's tests to one process, and those of some folders; slow ones by file."""
+    from xdist.scheduler import LoadScopeScheduling
 
+    folders = () if config.option.markexpr == "slow" else TOGETHER
 
-class TogetherScheduling(LoadScopeScheduling):
-    """Gives a file's tests to one process, and those of some folders."""
+    class Together(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            path = PurePosixPath(nodeid.partition("::")[0])
+            return next((each for each in folders if each in path.parts), str(path))
 
-    def _split_scope(self, nodeid: str) -> str:
-        path = PurePosixPath(nodeid.partition("::")[0])
-        folders = () if "not slow" not in self.config.option.markexpr else TOGETHER
-        return next((each for each in folders if each in path.parts), str(path))
-
-
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> TogetherScheduling:
-    return TogetherScheduling(config, log)
+    return Together(config, log)
 
 
 @pytest.fixture(autouse=True, scope="session")

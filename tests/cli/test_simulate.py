@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -234,11 +233,9 @@ def test_help_names_every_command_without_loading_the_ray_tracer() -> None:
         "import sys; from echoscape.cli.__main__ import main; main(['--help']); "
         "sys.exit(any(name in sys.modules for name in ('mitsuba', 'numpy', 'torch')))"
     )
-    start = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
     )
-    assert time.monotonic() - start < 1.5
     assert all(name in done.stdout for name in COMMANDS)
 
 

@@ -13,6 +13,12 @@ def drawn_maps(size: int, *, seed: int = 1, dtype: torch.dtype = torch.float32, 
     return tuple(torch.randn(shape, generator=draws, dtype=dtype).relu() for shape in shapes)
 
 
+def oblong_maps(rows: int, columns: int, *, batch: int = 2) -> Maps:
+    """Return maps in float64 of pictures that differ and are not square."""
+    maps = drawn_maps(max(rows, columns), dtype=torch.float64, batch=batch)
+    return tuple(each[:, :, : rows >> level, : columns >> level] for level, each in enumerate(maps))
+
+
 def drawn_points(count: int, size: int, *, seed: int = 2, dtype: torch.dtype = torch.float32) -> Tensor:
     """Return points (1, count, 2) inside a picture."""
     draws = torch.Generator().manual_seed(seed)

@@ -1,5 +1,7 @@
 """Batch normalisation is PyTorch's: values, gradients, running moments."""
 
+from typing import Any
+
 import pytest
 import torch
 from torch import Tensor, nn
@@ -39,9 +41,22 @@ def test_values_gradients_and_moments_are_those_of_pytorch(shape: tuple[int, ...
 
 
 def test_bfloat16_maps_keep_their_format_and_parameters_theirs() -> None:
-    values = torch.randn(2, 8, 16, 16, generator=torch.Generator().manual_seed(2)).bfloat16()
+    draws = torch.Generator().manual_seed(2)
+    values, slope = (torch.randn(2, 8, 16, 16, generator=draws).bfloat16() for _ in range(2))
     layer, theirs = BatchNorm(8), nn.BatchNorm2d(8)
-    found, wanted = (_after_a_step(each, values, torch.ones_like(values)) for each in (layer, theirs))
+    found, wanted = (_after_a_step(each, values, slope) for each in (layer, theirs))
     assert [each.dtype for each in found] == [each.dtype for each in wanted]
     for mine, other in zip(found, wanted, strict=True):
         assert_close(mine, other, rtol=0.02, atol=0.02)
+
+
+@pytest.mark.parametrize("how", [{"momentum": None}, {"affine": False}, {"track_running_stats": False}])
+def test_other_ways_to_normalise_are_pytorchs(how: dict[str, Any]) -> None:
+    values = torch.randn(2, 3, 4, 5, generator=torch.Generator().manual_seed(3))
+    assert_close(BatchNorm(3, **how).train()(values), nn.BatchNorm2d(3, **how).train()(values))
+
+
+@pytest.mark.parametrize("shape", [(2, 8, 16, 16), (1, 4, 1, 1), (4, 16, 16)])
+def test_maps_that_do_not_fit_are_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match=r"input must be \(B, 4, H, W\)|expected 4D input"):
+        BatchNorm(4).train()(torch.randn(shape))

@@ -14,7 +14,7 @@ from echoscape.learn.matching import expected_matches, match_weights, pixel_grid
 from echoscape.learn.near_matching import REACH, Near, near_search
 from echoscape.learn.searched_picture import SearchedPicture
 from echoscape.learn.unet import Maps
-from tests.learn.maps import drawn_maps, drawn_points
+from tests.learn.maps import drawn_maps, drawn_points, oblong_maps
 
 SIZE = 48
 T = 40.0
@@ -172,6 +172,59 @@ def test_pieces_of_keypoints_and_a_reach_beyond_the_picture_change_nothing(
     )
     wanted = logits.softmax(-1) @ pixel_grid(SIZE, SIZE, like=queries)
     assert_allclose(whole.found.places_px.detach(), wanted.detach(), atol=1e-9)
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+@pytest.mark.parametrize(("rows", "columns"), [(48, 32), (16, 64)])
+def test_pictures_that_differ_and_are_not_square_are_each_searched(
+    stride: int, rows: int, columns: int
+) -> None:
+    maps = oblong_maps(rows, columns)
+    draws = torch.Generator().manual_seed(7)
+    queries = unit(torch.rand(2, 9, 248, generator=draws, dtype=torch.float64))
+    places = torch.rand(2, 9, 2, generator=draws, dtype=torch.float64) * torch.tensor([rows, columns])
+    near, picture = Near(places_px=places, deviation_px=500.0), SearchedPicture(maps=maps, stride=stride)
+    grid = (pixel_grid(rows // stride, columns // stride, like=queries) + 0.5) * stride - 0.5
+    density = -((places[:, :, None] - grid) ** 2).sum(-1) / (2 * 500.0**2)
+    similarity = T * queries @ picture.descriptors().flatten(2)
+    found = near_search(queries, picture, temperature=T, near=near)
+    assert_allclose(found.found.places_px, (similarity + density).softmax(-1) @ grid, atol=1e-9)
+    wide = fast_search(queries, picture, temperature=T)
+    assert_allclose(wide.places_px, similarity.softmax(-1) @ grid, atol=1e-9)
+
+
+def test_gradients_by_descriptors_too_short_to_be_made_one_long_are_those_of_the_plain_form() -> None:
+    queries, maps = _case(torch.float64)
+    maps = tuple((3e-8 * each.detach()).requires_grad_() for each in maps)
+    assert float(SearchedPicture(maps=maps).lengths.detach().max()) == 1e-6
+    plain, fast = expected_matches(queries, maps, temperature=T), _places(queries, maps)
+    assert_allclose(fast.detach(), plain.detach(), atol=1e-9)
+    for mine, theirs in zip(_slopes(fast, list(maps)), _slopes(plain, list(maps)), strict=True):
+        assert_allclose(mine, theirs, atol=1e-9 * float(theirs.abs().max()))
+
+
+def test_lengths_are_numbers_where_opposites_meet() -> None:
+    maps = [torch.zeros_like(each) for each in drawn_maps(32)]
+    maps[3][0, :, 1], maps[3][0, :, 2] = 7.0, -9.0
+    lengths = SearchedPicture(maps=tuple(maps)).lengths
+    assert float(lengths.min()) == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_dense_descriptors_have_the_format_of_the_products() -> None:
+    maps = drawn_maps(32)
+    assert SearchedPicture(maps=maps).stacked.dtype == torch.float32
+    assert SearchedPicture(maps=maps, dtype=torch.bfloat16).stacked.dtype == torch.bfloat16
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_similarity_goes_on_outside_as_at_the_edge(stride: int) -> None:
+    queries, maps = _case(torch.float64, 32)
+    picture = SearchedPicture(maps=maps, stride=stride)
+    outside, edge = (
+        picture.similarity(queries, torch.tensor(place, dtype=torch.float64).expand(1, 9, 2))
+        for place in ([-3.0, 40.0], [(stride - 1) / 2, 31.0 - (stride - 1) / 2])
+    )
+    assert_allclose(outside.detach(), edge.detach(), atol=1e-12)
 
 
 @pytest.mark.parametrize("stride", [1, 2])

@@ -181,6 +181,41 @@ def test_keypoints_are_made_in_float32_of_a_bfloat16_network() -> None:
     assert all(torch.equal(each, each.bfloat16().float()) for each in found.maps)
 
 
+def test_training_sees_what_inference_sees() -> None:
+    """Keypoints, scores and matches of a pair are those of two pictures by themselves."""
+    model, matching = initial_model(SETTINGS, seed=1).eval(), Matching(stride=2)
+    with torch.no_grad():
+        found = model(_picture(1), _picture(2), matching, torch.float32)
+        source, destination = model.features(_picture(1)), model.features(_picture(2))
+        wanted = model.matches(
+            source.keypoints, destination_of(destination.maps, destination.scores, matching)
+        )
+    for mine, theirs in (
+        (found.source_m, wanted.source_m),
+        (found.destination_m, wanted.destination_m),
+        (found.weights, wanted.weights),
+    ):
+        assert_allclose(mine, theirs, rtol=1e-4, atol=1e-3)
+    assert float((source.keypoints.scores - destination.keypoints.scores).abs().max()) > 1e-4
+
+
+def test_a_network_that_has_come_to_no_number_says_so() -> None:
+    """Not by an error of memory: training looks whether its loss is finite."""
+    model = initial_model(SETTINGS, seed=1)
+    with torch.no_grad():
+        for name, value in model.named_parameters():
+            if name == "locations.head.bias":
+                value.fill_(math.nan)
+    found = model(_picture(1), _picture(2), Matching(stride=2), torch.float32)
+    assert bool(found.source_m.isnan().all())
+
+
+def test_destinations_are_searched_as_they_are_told_to_be() -> None:
+    matching = Matching(stride=2, dtype=torch.bfloat16)
+    picture = destination_of(_ideal_maps(0, 0, 0), None, matching).picture
+    assert (picture.stride, picture.dtype) == (matching.stride, matching.dtype)
+
+
 def test_folding_normalisation_into_convolutions_changes_rounding_alone() -> None:
     model = initial_model(SETTINGS, seed=3)
     with torch.no_grad():

@@ -13,7 +13,7 @@ from echoscape.learn.descriptors import dense_descriptors, descriptors_at, embed
 from echoscape.learn.keypoints import cell_centres, expected_places
 from echoscape.learn.unet import CHANNELS, Decoder, Encoder, Pooling, blurred_max_pool
 from echoscape.learn.without_gradients import upsampled_above
-from tests.learn.maps import drawn_maps, drawn_points
+from tests.learn.maps import drawn_maps, drawn_points, oblong_maps
 
 
 def test_encoder_halves_and_doubles_as_the_paper_says() -> None:
@@ -41,6 +41,14 @@ def test_descriptors_are_those_of_the_dense_map_and_of_unit_length() -> None:
     found = descriptors_at(maps, points)
     assert_allclose(found, unit(sampled(dense_descriptors(maps), points)), atol=1e-12)
     assert_allclose(found.norm(dim=-1), 1, atol=1e-12)
+
+
+def test_descriptors_of_pictures_that_differ_and_are_not_square_are_their_own() -> None:
+    maps = oblong_maps(32, 48)
+    points = torch.rand(2, 40, 2, generator=torch.Generator().manual_seed(8), dtype=torch.float64)
+    points = points * torch.tensor([40.0, 56.0]) - 4  # some outside
+    plain = unit(sampled(dense_descriptors(maps), points))
+    assert_allclose(descriptors_at(maps, points), plain, atol=1e-12)
 
 
 def test_dense_descriptors_hold_each_map_resized_by_areas() -> None:

@@ -215,3 +215,27 @@ def test_points_taken_as_they_are_are_off_where_the_car_turns() -> None:
 def test_scans_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(wrong))} must"):
         Rolling(**{"turn_s": TURN_S, "doppler_beta_s": BETA_S, "gap_s": GAP_S, **wrong})
+
+
+def test_parts_of_one_destination_are_one_part() -> None:
+    """Whichever part a match is in, its own destination is moved with it."""
+    velocity = VELOCITIES[0]
+    earlier = _tensor(np.array([_seen(spot, velocity) for spot in _spots()]))
+    away = np.asarray(np.linalg.inv(_pose(velocity, GAP_S)), np.float64)
+    there = [away @ np.array([*spot, 1.0]) for spot in _spots()]
+    later = _tensor(np.array([_seen(spot[:2], velocity) for spot in there]))
+    weights = torch.linspace(0.5, 1.5, 12, dtype=torch.float64)[None]
+    rolling = Rolling(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
+
+    def part(which: slice) -> Part:
+        matches = Matches(
+            source_m=later[:, which], destination_m=earlier[:, which], weights=weights[:, which]
+        )
+        return Part(matches=matches, stood_at=STILL.tensors(torch.float64))
+
+    whole, _ = solved([part(slice(None))], rolling=rolling)
+    halves, seen = solved([part(slice(0, 6)), part(slice(6, None))], rolling=rolling)
+    assert_allclose(halves.translation_m, whole.translation_m, atol=1e-9)
+    assert_allclose(halves.yaw_rad, whole.yaw_rad, atol=1e-9)
+    assert_allclose(whole.translation_m[0], _pose(velocity, GAP_S)[:2, 2], atol=1e-4)
+    assert [each.matches.source_m.shape[1] for each in seen] == [6, 6]
