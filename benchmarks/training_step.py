@@ -48,7 +48,7 @@ def step_of(size: int, matching: Matching | None, network: torch.dtype) -> Calla
         pose_loss(found.motion(), truth).mean().backward()
         optimiser.step()
 
-    def plain(queries: torch.Tensor, picture: SearchedPicture, *, temperature: float, **_: object) -> Search:
+    def plain(queries: torch.Tensor, picture: SearchedPicture, *, temperature: float) -> Search:
         places = expected_matches_in(queries, picture.descriptors(), temperature=temperature)
         return Search(places_px=places, log_sums=places.new_zeros(places.shape[:2]))
 
