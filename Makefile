@@ -19,11 +19,11 @@ demo: $(READY)
 	$(BIN)/echoscape odometry demo --out demo/odometry
 
 picture: demo
-	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.preview import small_copy; \
+	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.preview import small_copy; \
 		small_copy(Path('demo/preview.png'), Path('docs/preview.png'))"
 	rm -rf build/junction
 	$(BIN)/echoscape simulate build/junction --seed 102 --scans 40 --workers 2 --no-preview
-	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.scan_picture import write_scan_picture; \
+	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.scan_image import write_scan_picture; \
 		write_scan_picture(Path('build/junction'), Path('docs/scan.png'), scan=26)"
 
 # Tables and pictures of docs/fidelity.md: seed 7 is the one that was calibrated on, 101 and 102 are others.
@@ -65,7 +65,7 @@ training-set: $(READY)
 JUDGED := town_3001 suburb_3002 industrial_3003 town_3004
 judge: $(READY)
 	for town in $(JUDGED); do set -e; \
-		$(BIN)/echoscape odometry $(TRAINING)/test_$$town --out build/judged/coarse/$$town --any-heading 25; \
+		$(BIN)/echoscape odometry $(TRAINING)/test_$$town --out build/judged/coarse/$$town --loop-pairs 25; \
 		$(BIN)/echoscape odometry $(TRAINING)/test_$$town --out build/judged/fine/$$town --resolution 0.3456; \
 		$(BIN)/echoscape odometry $(TRAINING)/test_$$town --out build/judged/fourier/$$town --method fourier; done
 	for method in coarse fine fourier; do $(BIN)/python -m benchmarks.odometry_table build/judged/$$method/*; done

@@ -10,12 +10,12 @@ import statistics
 
 from benchmarks.machine import description
 from benchmarks.stages import timed
-from echoscape.scenes.drive import plan_drive
-from echoscape.scenes.town import build_town
-from echoscape.scenes.traffic import plan_traffic
-from echoscape.sim.artefacts import Artefacts
-from echoscape.sim.backend import set_threads
-from echoscape.sim.scan import Simulator
+from echoscape.scenes.driving.ego_drive import plan_ego_drive
+from echoscape.scenes.town.build import build_town
+from echoscape.scenes.traffic.plan import plan_traffic
+from echoscape.sim.raytracing.mitsuba_backend import set_threads
+from echoscape.sim.settings.artefacts import Artefacts
+from echoscape.sim.simulator import Simulator
 
 WITHOUT = ("speckle", "ghosts", "sidelobes", "saturation", "phase_noise", "thermal_noise", "leakage")
 SETTINGS = (Artefacts(), *(Artefacts().without(name) for name in WITHOUT))
@@ -32,7 +32,7 @@ def main() -> None:
     print(description(), "- one thread")
     set_threads(1)
     town = build_town("town", seed=options.seed)
-    drive = plan_drive(town, seed=options.seed, duration_s=options.scans / 2 + 5)
+    drive = plan_ego_drive(town, seed=options.seed, duration_s=options.scans / 2 + 5)
     movers = plan_traffic(town, drive, seed=options.seed)
     simulators = [
         Simulator(town, drive, movers, seed=options.seed, artefacts=setting) for setting in SETTINGS

@@ -16,21 +16,21 @@ import torch
 
 from benchmarks.machine import description
 from benchmarks.training_step import medians
-from echoscape.eval.learned import learned_odometry, shipped_weights
-from echoscape.learn.beginning import initial_model
-from echoscape.learn.image import ImageSettings, Projector, range_cells
-from echoscape.learn.inference import Estimator, Solving, quick_solving
-from echoscape.learn.matching import expected_matches
-from echoscape.learn.model import ModelSettings
-from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.folders import open_folder
-from echoscape.sim.heap import keep_freed_memory
+from echoscape.eval.odometry.learned import learned_odometry, shipped_weights
+from echoscape.learn.data.image import ImageSettings, Projector, range_cells
+from echoscape.learn.model.keypoint_model import ModelSettings
+from echoscape.learn.model.softmax_matching import expected_matches
+from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, quick_solving
+from echoscape.learn.training.checkpoint import initial_model
+from echoscape.sim.datasets.scan_folder import open_folder
+from echoscape.sim.numerics.malloc import keep_freed_memory
+from echoscape.sim.sensor.cts350x import CTS350X
 
 
-def measure(label: str, size: int, solving: Solving, repeats: int) -> None:
+def measure(label: str, size: int, solving: MatcherConfig, repeats: int) -> None:
     """Print what each part takes at one size."""
     image = ImageSettings(size=size, pixel_m=0.6912 * 320 / size)
-    estimator = Estimator(initial_model(ModelSettings(image=image), seed=1), solving)
+    estimator = ScanMatcher(initial_model(ModelSettings(image=image), seed=1), solving)
     shape = (CTS350X.azimuths, CTS350X.bins)
     codes, bin_m = np.random.default_rng(1).integers(0, 120, shape, np.uint8), CTS350X.bin_m
     scan, projector = estimator.features(codes, bin_m), Projector(image, len(codes))
@@ -93,7 +93,7 @@ def main() -> None:
     print(f"{description()}, torch {torch.__version__}, {options.threads} thread(s)")
     for size in options.sizes:
         for name, solving in {
-            "every pixel, float32": Solving(),
+            "every pixel, float32": MatcherConfig(),
             "as odometry has it": quick_solving(),
         }.items():
             measure(f"{size} px, {name}", size, solving, options.repeats)

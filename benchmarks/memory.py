@@ -7,10 +7,10 @@ import argparse
 from pathlib import Path
 
 from benchmarks.machine import description
-from echoscape.scenes.drive import plan_drive
-from echoscape.scenes.town import build_town
-from echoscape.scenes.traffic import plan_traffic
-from echoscape.sim.scan import Simulator
+from echoscape.scenes.driving.ego_drive import plan_ego_drive
+from echoscape.scenes.town.build import build_town
+from echoscape.scenes.traffic.plan import plan_traffic
+from echoscape.sim.simulator import Simulator
 
 
 def resident_mb() -> float:
@@ -29,7 +29,7 @@ def main() -> None:
     options = parser.parse_args()
     print(description())
     town = build_town("town", seed=options.seed)
-    drive = plan_drive(town, seed=options.seed, duration_s=options.scans / 4 * 1.02 + 1)
+    drive = plan_ego_drive(town, seed=options.seed, duration_s=options.scans / 4 * 1.02 + 1)
     movers = plan_traffic(town, drive, seed=options.seed)
     simulator = Simulator(town, drive, movers, seed=options.seed)
     for index in range(options.scans):

@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 
 from benchmarks.machine import description
-from echoscape.sim.dataset import write_dataset
-from echoscape.sim.recipe import Recipe
+from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.dataset import write_dataset
 
 
 def rate(scans: int, workers: int, seed: int) -> float:

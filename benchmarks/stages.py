@@ -17,20 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.machine import description
-from echoscape.scenes.drive import plan_drive
-from echoscape.scenes.town import build_town
-from echoscape.scenes.traffic import plan_traffic
-from echoscape.sim.backend import set_threads
-from echoscape.sim.cts350x import CTS350X
+from echoscape.scenes.driving.ego_drive import plan_ego_drive
+from echoscape.scenes.town.build import build_town
+from echoscape.scenes.traffic.plan import plan_traffic
+from echoscape.sim.datasets.files.truth_npz import write_truth
+from echoscape.sim.datasets.layouts.oxford import write_png
+from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.echoes import Echoes
-from echoscape.sim.oxford import write_png
-from echoscape.sim.polar_scan import PolarScan
-from echoscape.sim.quantiser import codes
-from echoscape.sim.receiver import receive
-from echoscape.sim.scan import Simulator
-from echoscape.sim.truth import Labeller
-from echoscape.sim.truth_files import write_truth
-from echoscape.sim.waveform import beat, beat_reference, echo_grid, spectrum
+from echoscape.sim.ground_truth.cell_labels import Labeller
+from echoscape.sim.raytracing.mitsuba_backend import set_threads
+from echoscape.sim.receiver.if_signal import beat, beat_reference, echo_grid, spectrum
+from echoscape.sim.receiver.quantiser import codes
+from echoscape.sim.receiver.receiver import receive
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.simulator import Simulator
 
 REFERENCE_ROWS = 4
 
@@ -57,7 +57,7 @@ def main() -> None:
     print(description(), "- one thread")
     set_threads(1)
     town = build_town("town", seed=options.seed)
-    drive = plan_drive(town, seed=options.seed, duration_s=options.scans / 2 + 5)
+    drive = plan_ego_drive(town, seed=options.seed, duration_s=options.scans / 2 + 5)
     movers = plan_traffic(town, drive, seed=options.seed)
     simulator = Simulator(town, drive, movers, seed=options.seed)
     times = measure(simulator, options.scans)

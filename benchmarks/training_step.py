@@ -14,17 +14,17 @@ from unittest.mock import patch
 import torch
 
 from benchmarks.machine import description
-from echoscape.learn import model as model_module
-from echoscape.learn.beginning import initial_model
-from echoscape.learn.fast_matching import Search
-from echoscape.learn.image import ImageSettings
-from echoscape.learn.loss import pose_loss
-from echoscape.learn.matching import expected_matches_in
-from echoscape.learn.model import Matching, ModelSettings
-from echoscape.learn.pairs import motion_tensors
-from echoscape.learn.plane_motion import PlaneMotion
-from echoscape.learn.searched_picture import SearchedPicture
-from echoscape.sim.heap import keep_freed_memory
+from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.data.scan_pairs import motion_tensors
+from echoscape.learn.geometry.se2 import PlaneMotion
+from echoscape.learn.model import keypoint_model as model_module
+from echoscape.learn.model.feature_pyramid import FeaturePyramid
+from echoscape.learn.model.keypoint_model import Matching, ModelSettings
+from echoscape.learn.model.softmax_matching import expected_matches_in
+from echoscape.learn.model.tiled_matching import Search
+from echoscape.learn.training.checkpoint import initial_model
+from echoscape.learn.training.losses import pose_loss
+from echoscape.sim.numerics.malloc import keep_freed_memory
 
 FORMS = {
     "plain, float32": (None, torch.float32),
@@ -48,7 +48,7 @@ def step_of(size: int, matching: Matching | None, network: torch.dtype) -> Calla
         pose_loss(found.motion(), truth).mean().backward()
         optimiser.step()
 
-    def plain(queries: torch.Tensor, picture: SearchedPicture, *, temperature: float) -> Search:
+    def plain(queries: torch.Tensor, picture: FeaturePyramid, *, temperature: float) -> Search:
         places = expected_matches_in(queries, picture.descriptors(), temperature=temperature)
         return Search(places_px=places, log_sums=places.new_zeros(places.shape[:2]))
 

@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not _unread():
             raise
     except SystemExit as leaving:
-        if not isinstance(leaving.__context__, BrokenPipeError):  # as rich does, and `cli.parsing`
+        if not isinstance(leaving.__context__, BrokenPipeError):  # as rich does, and `cli.arguments`
             raise
     _silence()
     return _UNREAD

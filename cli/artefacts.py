@@ -10,14 +10,14 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.parsing import parsed
-from echoscape.cli.stages import Stages
-from echoscape.cli.worlds import ScanFlags, recipe_of
-from echoscape.scenes.tables import SceneError
-from echoscape.sim.whole_files import DatasetError
+from echoscape.cli.arguments import parsed
+from echoscape.cli.progress import Stages
+from echoscape.cli.scene_options import ScanFlags, recipe_of
+from echoscape.scenes.io.strict_toml import SceneError
+from echoscape.sim.datasets.files.atomic_write import DatasetError
 
 if TYPE_CHECKING:
-    from echoscape.eval.effect_changes import Change
+    from echoscape.eval.ablation.run import Change
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,9 +58,9 @@ def _written(options: Options) -> tuple[list["Change"], tuple[Path, ...]]:
     """Refuse what cannot be drawn before the ray tracer is loaded, then draw."""
     recipe = recipe_of(options.recipe, scene=options.scene, targets=options.targets)
     index = recipe.scans // 2 if options.scan is None else options.scan
-    from echoscape.eval.artefact_pictures import write_artefacts
-    from echoscape.eval.effect_changes import check_index
-    from echoscape.eval.effects import chosen
+    from echoscape.eval.ablation.cases import chosen
+    from echoscape.eval.ablation.figures import write_artefacts
+    from echoscape.eval.ablation.run import check_index
 
     check_index(recipe, index)
     chosen(options.only)
@@ -69,7 +69,7 @@ def _written(options: Options) -> tuple[list["Change"], tuple[Path, ...]]:
 
 
 def _table(rows: Sequence["Change"]) -> Table:
-    from echoscape.eval.effect_changes import HEADS, words
+    from echoscape.eval.ablation.run import HEADS, words
 
     table = Table(*HEADS, box=None, padding=(0, 2, 0, 0))
     for column in table.columns[2:]:

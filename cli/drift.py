@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.parsing import parsed
+from echoscape.cli.arguments import parsed
 
 if TYPE_CHECKING:
-    from echoscape.eval.drift import Drift
+    from echoscape.eval.odometry.kitti_drift import Drift
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +50,8 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _drift(options: Options) -> "Drift":
-    from echoscape.eval.drift import drift
-    from echoscape.eval.trajectories import read_kitti
+    from echoscape.eval.odometry.kitti_drift import drift
+    from echoscape.eval.odometry.trajectory_io import read_kitti
 
     return drift(read_kitti(options.estimate), read_kitti(options.truth), step=options.step)
 

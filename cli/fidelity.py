@@ -10,11 +10,11 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.parsing import parsed
-from echoscape.cli.stages import Stages
+from echoscape.cli.arguments import parsed
+from echoscape.cli.progress import Stages
 
 if TYPE_CHECKING:
-    from echoscape.eval.fidelity import Fidelity
+    from echoscape.eval.fidelity.score import Fidelity
 
 _STYLES = {"right": "green", "low": "red", "high": "red", "unknown": "yellow"}
 _LEAST_WIDTH = 108
@@ -58,8 +58,10 @@ def main(arguments: Sequence[str]) -> int:
 
 def _measured(options: Options) -> tuple["Fidelity", tuple[Path, ...]]:
     """Measure and write the report."""
-    from echoscape.eval.fidelity import check_out, fidelity, write_report
-    from echoscape.sim.folders import open_folder
+    from echoscape.eval.fidelity.report import write_report
+    from echoscape.eval.fidelity.score import fidelity
+    from echoscape.sim.datasets.files.atomic_write import check_out
+    from echoscape.sim.datasets.scan_folder import open_folder
 
     if options.out:
         check_out(options.out)
@@ -72,7 +74,7 @@ def _measured(options: Options) -> tuple["Fidelity", tuple[Path, ...]]:
 
 
 def _table(result: "Fidelity") -> Table:
-    from echoscape.eval.fidelity import cells
+    from echoscape.eval.fidelity.report import cells
 
     table = Table(box=None, padding=(0, 2, 0, 0))
     names = ("figure", "value", "target", "tolerance", "verdict", "reference", "against it")

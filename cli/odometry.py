@@ -10,14 +10,14 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.parsing import parsed
-from echoscape.cli.stages import Stages
+from echoscape.cli.arguments import parsed
+from echoscape.cli.progress import Stages
 
 if TYPE_CHECKING:
-    from echoscape.eval.any_heading import Places
-    from echoscape.eval.estimator import Estimator
-    from echoscape.eval.odometry import Odometry
-    from echoscape.sim.folders import ScanFolder
+    from echoscape.eval.odometry.interface import Estimator
+    from echoscape.eval.odometry.loop_closure import Places
+    from echoscape.eval.odometry.run import Odometry
+    from echoscape.sim.datasets.scan_folder import ScanFolder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class Options:
     pairs_alone: bool = False
     """Every pair by itself, as in the paper, in place of following scans from keyframe to keyframe. Learned
     method only."""
-    any_heading: int = 0
+    loop_pairs: int = 0
     """Pairs of scans of one place, turned to any heading, to find as loop closure must, besides; the figures
     go into metrics.json. Learned method only."""
 
@@ -69,13 +69,13 @@ def main(arguments: Sequence[str]) -> int:
 
 def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]":
     """Run the odometry and write its files; nothing is written before all of it is there."""
-    from echoscape.eval.any_heading import places_of
-    from echoscape.eval.fidelity import check_out
-    from echoscape.eval.odometry import run_odometry
-    from echoscape.eval.odometry_metrics import metrics
-    from echoscape.eval.odometry_report import write_odometry_report
-    from echoscape.sim.folders import open_folder
-    from echoscape.sim.heap import keep_freed_memory
+    from echoscape.eval.odometry.loop_closure import places_of
+    from echoscape.eval.odometry.metrics import metrics
+    from echoscape.eval.odometry.report import write_odometry_report
+    from echoscape.eval.odometry.run import run_odometry
+    from echoscape.sim.datasets.files.atomic_write import check_out
+    from echoscape.sim.datasets.scan_folder import open_folder
+    from echoscape.sim.numerics.malloc import keep_freed_memory
 
     if options.weights is not None and options.method != "learned":
         raise ValueError(f"--weights go with --method learned only, got --method {options.method}")
@@ -84,17 +84,17 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
     for flag, given in {
         "--resolution": options.resolution is not None,
         "--pairs-alone": options.pairs_alone,
-        "--any-heading": options.any_heading,
+        "--loop-pairs": options.loop_pairs,
     }.items():
         if given and options.method != "learned":
             raise ValueError(f"{flag} goes with --method learned only, got --method {options.method}")
-    if options.any_heading < 0:
-        raise ValueError(f"--any-heading must be 0 or more, got {options.any_heading}")
+    if options.loop_pairs < 0:
+        raise ValueError(f"--loop-pairs must be 0 or more, got {options.loop_pairs}")
     folder = open_folder(options.data)
     check_out(options.out)
     keep_freed_memory()
     estimator = _estimator(options, folder)
-    places = places_of(folder, options.any_heading) if options.any_heading else None
+    places = places_of(folder, options.loop_pairs) if options.loop_pairs else None
     with Stages(Console(stderr=True)) as stages:
         found = run_odometry(folder, estimator, progress=stages.report)
         more = _any_heading(places, folder, estimator, stages)
@@ -107,28 +107,28 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
 def _any_heading(
     places: "Places | None", folder: "ScanFolder", estimator: "Estimator[Any]", stages: Stages
 ) -> "dict[str, Any]":
-    """Return the figures of turned pairs under `any_heading`, or nothing where they are not asked for."""
-    from echoscape.eval.any_heading import any_heading
-    from echoscape.eval.learned import LearnedOdometry
+    """Return the figures of turned pairs under `loop_closure_recall`, or nothing where they are not asked for."""
+    from echoscape.eval.odometry.learned import LearnedOdometry
+    from echoscape.eval.odometry.loop_closure import loop_closure_recall
 
     if places is None or not isinstance(estimator, LearnedOdometry):
         return {}
-    return {"any_heading": any_heading(folder, estimator.estimator, places, progress=stages.report)}
+    return {"loop_closure": loop_closure_recall(folder, estimator.estimator, places, progress=stages.report)}
 
 
 def _estimator(options: Options, folder: "ScanFolder") -> "Estimator[Any]":
     """Return the estimator for a folder's radar."""
     if options.method == "fourier":
-        from echoscape.eval.baselines import FourierOdometry
+        from echoscape.eval.odometry.fourier_mellin import FourierOdometry
 
         return FourierOdometry(range_offset_m=folder.range_offset_m)
-    from echoscape.eval.learned import chosen_weights, learned_odometry
-    from echoscape.learn.following import PAIRS_ALONE, FollowSettings
+    from echoscape.eval.odometry.learned import chosen_weights, learned_odometry
+    from echoscape.learn.odometry.keyframe_odometry import PAIRS_ALONE, OdometryConfig
 
     # Sweeps that alternate shift every other row the other way: on average not at all.
     shift_s = -float(folder.sensor.doppler_shift_s.mean()) if options.compensate else None
     weights = options.weights or chosen_weights(options.resolution)
-    settings = PAIRS_ALONE if options.pairs_alone else FollowSettings()
+    settings = PAIRS_ALONE if options.pairs_alone else OdometryConfig()
     return learned_odometry(
         weights, range_offset_m=folder.range_offset_m, doppler_beta_s=shift_s, settings=settings
     )
@@ -153,8 +153,8 @@ def _table(figures: "dict[str, Any]") -> Table:
         table.add_row("drift", f"{figures['translation_percent']:.2f} %, {degrees:.3f} deg a 100 m")
     elif figures["judged"]:
         table.add_row("drift", f"unknown: {figures['way_m']:.0f} m hold no segment of 100 m")
-    if "any_heading" in figures:
-        turned = figures["any_heading"]
+    if "loop_closure" in figures:
+        turned = figures["loop_closure"]
         shares = f"{100 * turned['within']:.0f} %, {100 * turned['plain_within']:.0f} % without hypotheses"
         table.add_row("any heading", f"{shares}, of {turned['pairs']} within 0.5 m and 1 deg")
     if figures["hz"] is not None:

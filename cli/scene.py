@@ -10,15 +10,15 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.parsing import parsed
-from echoscape.cli.stages import Stages
-from echoscape.cli.worlds import Preset, RecipeFlags, recipe_of
-from echoscape.scenes.tables import SceneError
-from echoscape.sim.recipe import Recipe
-from echoscape.sim.whole_files import DatasetError
+from echoscape.cli.arguments import parsed
+from echoscape.cli.progress import Stages
+from echoscape.cli.scene_options import Preset, RecipeFlags, recipe_of
+from echoscape.scenes.io.strict_toml import SceneError
+from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.generation.config import Recipe
 
 if TYPE_CHECKING:
-    from echoscape.eval.inventory import Inventory
+    from echoscape.eval.scene_report.statistics import Inventory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class Options:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit code."""
-    from echoscape.eval.scene_folder import check_empty, write_scene
+    from echoscape.eval.scene_report.report import check_empty, write_scene
 
     try:
         options = parsed(Options, prog="echoscape scene", arguments=arguments)

@@ -12,13 +12,13 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.parsing import ArgumentsError, parsed, said
-from echoscape.cli.stages import Stages
-from echoscape.cli.worlds import RecipeFlags, recipe_of
-from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.recipe import Recipe
-from echoscape.sim.sensors import sensor_from
-from echoscape.sim.variation import varied
+from echoscape.cli.arguments import ArgumentsError, parsed, said
+from echoscape.cli.progress import Stages
+from echoscape.cli.scene_options import RecipeFlags, recipe_of
+from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.domain_randomization import randomized
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.registry import sensor_from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,13 +51,13 @@ class Options:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit code."""
-    from echoscape.sim.whole_files import DatasetError
+    from echoscape.sim.datasets.files.atomic_write import DatasetError
 
     try:
         default = _defaults(arguments)
         options = parsed(Options, prog="echoscape simulate", arguments=arguments, default=default)
         recipe = recipe_of(options.recipe, scene=options.scene, targets=options.targets)
-        recipe = varied(recipe) if options.vary else recipe
+        recipe = randomized(recipe) if options.vary else recipe
         _check(options)
     except (DatasetError, ValueError) as error:
         return _refused(str(error), 2)
@@ -82,19 +82,21 @@ def _defaults(arguments: Sequence[str]) -> Options:
 
 def _check(options: Options) -> None:
     """Refuse what cannot be carried out before the ray tracer is loaded."""
-    from echoscape.sim.dataset import check_arguments
+    from echoscape.sim.generation.dataset import check_arguments
 
     check_arguments(options.out, workers=options.workers, threads=options.threads, resume=options.resume)
 
 
 def _simulate(options: Options, recipe: Recipe) -> int:
     """Make the dataset of `recipe` as `options` say and return the exit code."""
-    from echoscape.scenes.tables import SceneError
-    from echoscape.sim.crew import CrewError
-    from echoscape.sim.dataset import write_dataset
-    from echoscape.sim.whole_files import DatasetError
+    from echoscape.scenes.io.strict_toml import SceneError
+    from echoscape.sim.datasets.files.atomic_write import DatasetError
+    from echoscape.sim.generation.dataset import write_dataset
+    from echoscape.sim.generation.workers import WorkerError
 
-    import_module("echoscape.sim.backend")  # a machine without what it needs is told before anything begins
+    import_module(
+        "echoscape.sim.raytracing.mitsuba_backend"
+    )  # a machine without what it needs is told before anything begins
     console, start = Console(stderr=True), time.monotonic()
     try:
         with Stages(console) as stages:
@@ -120,7 +122,7 @@ def _simulate(options: Options, recipe: Recipe) -> int:
         return _refused(f"interrupted; {hint}", 130)
     except (DatasetError, SceneError) as error:
         return _refused(str(error), 2)
-    except CrewError as error:
+    except WorkerError as error:
         return _refused(f"{error}\nThe scans made so far are whole; add --resume to go on.", 1)
     except OSError as error:
         whole = " The scans made so far are whole; add --resume to go on." if options.out.exists() else ""
@@ -130,7 +132,7 @@ def _simulate(options: Options, recipe: Recipe) -> int:
 
 
 def _draw(out: Path) -> None:
-    from echoscape.eval.preview import preview
+    from echoscape.eval.figures.preview import preview
 
     preview(out)
 
@@ -142,7 +144,7 @@ def _refused(message: str, code: int) -> int:
 
 def _summary(options: Options, recipe: Recipe, *, seconds: float) -> Table:
     """Return what was made as a small table."""
-    from echoscape.sim.folders import open_folder
+    from echoscape.sim.datasets.scan_folder import open_folder
 
     out = options.out
     motion = open_folder(out).motion()

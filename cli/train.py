@@ -11,15 +11,15 @@ import torch
 import tyro
 from rich.console import Console
 
-from echoscape.cli.parsing import parsed
-from echoscape.cli.stages import Stages
-from echoscape.learn.image import ImageSettings
-from echoscape.learn.model import ModelSettings
-from echoscape.learn.pairs import PairSet
-from echoscape.learn.train import Data, train
-from echoscape.learn.train_settings import TrainSettings
-from echoscape.sim import heap
-from echoscape.sim.whole_files import DatasetError
+from echoscape.cli.arguments import parsed
+from echoscape.cli.progress import Stages
+from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.data.scan_pairs import PairSet
+from echoscape.learn.model.keypoint_model import ModelSettings
+from echoscape.learn.training.config import TrainSettings
+from echoscape.learn.training.trainer import Data, train
+from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.numerics import malloc as heap
 
 
 @dataclass(frozen=True, kw_only=True)

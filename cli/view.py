@@ -10,8 +10,8 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from echoscape.cli.parsing import parsed
-from echoscape.cli.stages import Stages
+from echoscape.cli.arguments import parsed
+from echoscape.cli.progress import Stages
 
 _MAILABLE_MB = 20.0
 
@@ -55,9 +55,9 @@ def main(arguments: Sequence[str]) -> int:
 
 def _written(options: Options) -> Path:
     """Write the page and return its path."""
-    from echoscape.eval.page import page_bytes
-    from echoscape.eval.viewer import view_of
-    from echoscape.sim.whole_files import write_whole
+    from echoscape.eval.viewer.data import view_of
+    from echoscape.eval.viewer.html import page_bytes
+    from echoscape.sim.datasets.files.atomic_write import write_whole
 
     out = options.out or options.data / "view.html"
     if out.is_dir() or not out.parent.is_dir():

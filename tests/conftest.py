@@ -32,4 +32,4 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 @pytest.fixture(autouse=True, scope="session")
 def memory_is_given_back() -> None:
     """Commands keep freed memory for good; in one process with 2,000 tests that adds up to gigabytes."""
-    pytest.MonkeyPatch().setattr("echoscape.sim.heap.keep_freed_memory", lambda: True)
+    pytest.MonkeyPatch().setattr("echoscape.sim.numerics.malloc.keep_freed_memory", lambda: True)

@@ -8,15 +8,16 @@ import pytest
 from PIL import Image
 
 from benchmarks.fidelity_tables import filled
-from echoscape.eval.effects import EFFECTS
-from echoscape.eval.fidelity import span_text, tolerance_text
-from echoscape.eval.fidelity_targets import TARGETS
-from echoscape.sim import variation
-from echoscape.sim.antenna import Antenna
-from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.hearing import MAIN_ROWS
+from echoscape.eval.ablation.cases import EFFECTS
+from echoscape.eval.fidelity.reference_values import TARGETS
+from echoscape.eval.fidelity.score import span_text, tolerance_text
+from echoscape.sim.generation import domain_randomization as variation
+from echoscape.sim.raytracing.beam_weighting import MAIN_ROWS
+from echoscape.sim.sensor.antenna import Antenna
+from echoscape.sim.sensor.cts350x import CTS350X
+from tests.paths import ROOT
 
-DOCS = Path(__file__).parent.parent / "docs"
+DOCS = ROOT / "docs"
 PAGE = (DOCS / "fidelity.md").read_text()
 
 

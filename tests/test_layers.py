@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+from tests.paths import ROOT
+
 LAYERS = ("scenes", "sim", "learn", "eval", "cli")
 MODULES = sorted(path for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
 
@@ -34,5 +35,7 @@ def test_there_are_modules_to_look_at() -> None:
 
 
 def test_imports_are_seen_wherever_they_stand() -> None:
-    source = "def f():\n    from echoscape.cli import simulate\nimport echoscape.sim.scan\nimport numpy\n"
+    source = (
+        "def f():\n    from echoscape.cli import simulate\nimport echoscape.sim.simulator\nimport numpy\n"
+    )
     assert _imported(ast.parse(source)) == {"cli", "sim"}

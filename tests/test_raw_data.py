@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from echoscape.cli.__main__ import main
+from tests.paths import ROOT
 
-PAGE = (Path(__file__).parent.parent / "docs" / "raw_data.md").read_text()
+PAGE = (ROOT / "docs" / "raw_data.md").read_text()
 
 
 def test_command_and_examples_run_and_print_what_they_say(

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from echoscape.cli.__main__ import main
-from echoscape.eval.trajectories import chained, kitti_text, matrices
+from echoscape.eval.odometry.trajectory_io import chained, kitti_text, matrices
+from tests.paths import SHARED
 
 
 def write_drive(path: Path, *, frames: int, step_m: float) -> str:
@@ -53,7 +54,7 @@ def test_table_has_a_row_a_length(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_published_figures(capsys: pytest.CaptureFixture[str]) -> None:
-    folder = Path(__file__).parents[3] / "shared" / "kitti" / "21"
+    folder = SHARED / "kitti" / "21"
     if not folder.is_dir():
         pytest.skip("needs published trajectories in shared/kitti beside the checkout")
     words = ["--estimate", str(folder / "est.txt"), "--truth", str(folder / "gt.txt"), "--json"]

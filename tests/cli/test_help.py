@@ -6,8 +6,8 @@ from fractions import Fraction
 import pytest
 
 from echoscape.cli.__main__ import COMMANDS, main
-from echoscape.sim.artefacts import Artefacts
-from echoscape.sim.cts350x import CTS350X
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.settings.artefacts import Artefacts
 
 _LEAST_OPTIONS = {"simulate": 90, "train": 35, "artefacts": 80}
 """Options that help has at least: less means that they were not found in it."""

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from echoscape.cli import __main__ as command
+from tests.paths import ROOT
 
-YARD = str(Path(__file__).parents[2] / "examples" / "yard.toml")
+YARD = str(ROOT / "examples" / "yard.toml")
 NOBODY_READS = 128 + signal.SIGPIPE
 """What a shell says of a command that SIGPIPE ended."""
 

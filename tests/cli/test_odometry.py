@@ -8,12 +8,12 @@ import pytest
 import torch
 
 from echoscape.cli.__main__ import main
-from echoscape.eval.learned import learned_odometry
-from echoscape.learn.image import ImageSettings
-from echoscape.learn.model import KeypointModel, ModelSettings
-from echoscape.learn.weights import write_weights
-from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.oxford import read_odometry
+from echoscape.eval.odometry.learned import learned_odometry
+from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.model.keypoint_model import KeypointModel, ModelSettings
+from echoscape.learn.model.weights import write_weights
+from echoscape.sim.datasets.layouts.oxford import read_odometry
+from echoscape.sim.sensor.cts350x import CTS350X
 from tests.eval.drives import write_points
 
 MOTION = (2.0, 0.3, 0.05)
@@ -88,14 +88,14 @@ def test_the_sensor_says_by_how_much_what_approaches_seems_too_near(
         asked.append(doppler_beta_s)
         return learned_odometry(*args, doppler_beta_s=doppler_beta_s, **words)
 
-    monkeypatch.setattr("echoscape.eval.learned.learned_odometry", odometry)
+    monkeypatch.setattr("echoscape.eval.odometry.learned.learned_odometry", odometry)
     words = ["odometry", str(points), "--weights", str(weights), "--out"]
     assert main([*words, str(tmp_path / "one")]) == 0
     assert main([*words, str(tmp_path / "two"), "--no-compensate"]) == 0
     assert asked == [pytest.approx(CTS350X.doppler_beta_s), None]
 
 
-@pytest.mark.parametrize("flag", [("--pairs-alone",), ("--any-heading", "3"), ("--resolution", "0.3456")])
+@pytest.mark.parametrize("flag", [("--pairs-alone",), ("--loop-pairs", "3"), ("--resolution", "0.3456")])
 def test_what_only_the_learned_method_has_is_refused_with_others(
     flag: tuple[str, ...], points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -106,7 +106,7 @@ def test_what_only_the_learned_method_has_is_refused_with_others(
 def test_learned_method_without_weights_says_what_to_do(
     points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("echoscape.eval.learned.shipped_weights", dict)
+    monkeypatch.setattr("echoscape.eval.odometry.learned.shipped_weights", dict)
     line = refusal(capsys, str(points), "--out", str(tmp_path / "out"))
     assert "no weights" in line
     assert "--weights" in line

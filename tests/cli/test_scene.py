@@ -10,9 +10,10 @@ from numpy.testing import assert_allclose
 from PIL import Image
 
 from echoscape.cli.__main__ import main
-from echoscape.eval import scene_folder
+from echoscape.eval.scene_report import report as scene_folder
+from tests.paths import ROOT
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 YARD = ["--scene", str(EXAMPLES / "yard.toml")]
 
 

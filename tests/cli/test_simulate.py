@@ -11,14 +11,16 @@ from PIL import Image
 
 from echoscape.cli import simulate
 from echoscape.cli.__main__ import COMMANDS, main
-from echoscape.sim import dataset, folders
-from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.recipe import Recipe
-from echoscape.sim.sensor import Sensor
-from echoscape.sim.sensors import SENSORS
-from echoscape.sim.whole_files import DatasetError
+from echoscape.sim.datasets import scan_folder as folders
+from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.generation import dataset
+from echoscape.sim.generation.config import Recipe
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.registry import SENSORS
+from echoscape.sim.sensor.sensor import Sensor
+from tests.paths import ROOT
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 SMALL = ["--preset", "empty", "--seed", "3", "--scans", "2", "--trace.rays", "16"]
 
 BAD = {

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from echoscape.cli.__main__ import main
-from tests.eval.view_sets import START_US, TURN_US, write_set
+from tests.eval.viewer.view_sets import START_US, TURN_US, write_set
+from tests.paths import SHARED
 
 
 @pytest.fixture
@@ -106,7 +107,7 @@ def test_place_that_cannot_be_written_is_told(
 
 
 def test_real_scans_are_shown(tmp_path: Path) -> None:
-    pair = Path(__file__).parents[3] / "shared" / "real" / "oxford-pair"
+    pair = SHARED / "real" / "oxford-pair"
     if not pair.is_dir():
         pytest.skip(f"needs real scans in {pair.parent.parent.name}/real/oxford-pair beside the checkout")
     assert main(["view", str(pair), "--out", str(tmp_path / "real.html")]) == 0

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from echoscape.eval.estimator import PairFailed, PairMotion
-from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.folders import ScanFolder, open_folder
-from echoscape.sim.oxford import OdometryRow, write_odometry
-from echoscape.sim.polar_scan import PolarScan
-from echoscape.sim.scan_png import write_png
+from echoscape.eval.odometry.interface import PairFailed, PairMotion
+from echoscape.sim.datasets.files.navtech_png import write_png
+from echoscape.sim.datasets.layouts.oxford import OdometryRow, write_odometry
+from echoscape.sim.datasets.polar_scan import PolarScan
+from echoscape.sim.datasets.scan_folder import ScanFolder, open_folder
+from echoscape.sim.sensor.cts350x import CTS350X
 
 TINY = replace(CTS350X, azimuths=8, bins=16)
 START_US = 1_700_000_000_000_000

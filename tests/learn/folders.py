@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.oxford import OdometryRow, write_odometry
-from echoscape.sim.polar_scan import EPOCH_US, PolarScan
-from echoscape.sim.scan_png import write_png
+from echoscape.sim.datasets.files.navtech_png import write_png
+from echoscape.sim.datasets.layouts.oxford import OdometryRow, write_odometry
+from echoscape.sim.datasets.polar_scan import EPOCH_US, PolarScan
+from echoscape.sim.sensor.cts350x import CTS350X
 
 AZIMUTHS, BINS, BIN_M = CTS350X.azimuths, CTS350X.bins, CTS350X.bin_m
 

@@ -6,10 +6,11 @@ list); the page has what was expected, what came out, and how far apart they may
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal, Protocol
 
-PAGE = Path(__file__).parents[2] / "docs" / "physics.md"
+from tests.paths import ROOT
+
+PAGE = ROOT / "docs" / "physics.md"
 
 Section = Literal[
     "Link and cross-sections",

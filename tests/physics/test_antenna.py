@@ -8,9 +8,9 @@ import pytest
 import trimesh
 from scipy.interpolate import PchipInterpolator
 
-from echoscape.scenes.world import Mesh
-from echoscape.sim.antenna import Antenna
-from echoscape.sim.cts350x import CTS350X
+from echoscape.scenes.core.scene import Mesh
+from echoscape.sim.sensor.antenna import Antenna
+from echoscape.sim.sensor.cts350x import CTS350X
 from tests.physics.laws import LawRecorder
 from tests.physics.tracing import HEIGHT_M, facing, power_of, row_power, traced
 from tests.sim.worlds import decibel, world

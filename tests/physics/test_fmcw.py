@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import point_echoes
-from echoscape.sim.sensor import Sensor
-from echoscape.sim.waveform import beat, echo_grid, spectrum
+from echoscape.sim.receiver.if_signal import beat, echo_grid, spectrum
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.sensor import Sensor
 from tests.physics.laws import LawRecorder
 from tests.physics.tracing import HEIGHT_M, STEADY, traced
 from tests.sim.worlds import plate, straight, world

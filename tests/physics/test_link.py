@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from echoscape.scenes.targets import Target, with_targets
-from echoscape.sim.artefacts import Artefacts
+from echoscape.scenes.core.target_meshes import with_targets
+from echoscape.scenes.core.targets import Target
 from echoscape.sim.echoes import Echoes
-from echoscape.sim.receiver import receive
-from echoscape.sim.waveform import echo_grid
+from echoscape.sim.receiver.if_signal import echo_grid
+from echoscape.sim.receiver.receiver import receive
+from echoscape.sim.settings.artefacts import Artefacts
 from tests.physics.laws import LawRecorder
 from tests.physics.tracing import HEIGHT_M, POINTING, WAVELENGTH_M, facing, power_of, row_power, traced
 from tests.sim.worlds import decibel, world

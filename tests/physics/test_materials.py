@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from echoscape.scenes.materials import MATERIALS
-from echoscape.sim.fresnel import permittivity, reflection
+from echoscape.scenes.core.materials import MATERIALS
+from echoscape.sim.raytracing.surface.fresnel import permittivity, reflection
 from tests.physics.laws import LawRecorder
 from tests.physics.tracing import HEIGHT_M, power_of, traced
 from tests.sim.worlds import quad, world

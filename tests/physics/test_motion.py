@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from echoscape.sim.deskew import deskewed
+from echoscape.sim.datasets.deskew import deskewed
+from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.echoes import Echoes
-from echoscape.sim.polar_scan import PolarScan
-from echoscape.sim.quantiser import decibels
-from echoscape.sim.scan import Simulator
-from echoscape.sim.trace_settings import TraceSettings
+from echoscape.sim.receiver.quantiser import decibels
+from echoscape.sim.settings.tracing import TraceSettings
+from echoscape.sim.simulator import Simulator
 from tests.physics.laws import LawRecorder
 from tests.physics.tracing import HEIGHT_M, STEADY
 from tests.sim.worlds import plate, straight, world

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from echoscape.scenes.world import Town
-from echoscape.sim.artefacts import Artefacts
+from echoscape.scenes.core.scene import Scene
+from echoscape.sim.datasets.polar_scan import Component
 from echoscape.sim.echoes import Echoes
-from echoscape.sim.polar_scan import Component
-from echoscape.sim.receiver import receive
-from echoscape.sim.scan import Simulator
-from echoscape.sim.trace_settings import TraceSettings
-from echoscape.sim.waveform import echo_grid
+from echoscape.sim.receiver.if_signal import echo_grid
+from echoscape.sim.receiver.receiver import receive
+from echoscape.sim.settings.artefacts import Artefacts
+from echoscape.sim.settings.tracing import TraceSettings
+from echoscape.sim.simulator import Simulator
 from tests.physics.laws import LawRecorder
 from tests.physics.tracing import HEIGHT_M, ROW_DEG, STEADY, traced
 from tests.sim.worlds import plate, quad, standing, world
@@ -101,7 +101,7 @@ def test_bounce_limit_of_one_removes_every_ghost(law: LawRecorder, yard: Echoes)
     )
 
 
-def with_and_without_ghosts(town: Town) -> tuple[np.ndarray, np.ndarray]:
+def with_and_without_ghosts(town: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Labels (400, bins) of a scan's cells, and which of them are heard only while there are ghosts."""
     heard, labels = [], np.zeros(0)
     for ghosts in (True, False):

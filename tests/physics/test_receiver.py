@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from echoscape.sim.artefacts import Artefacts
-from echoscape.sim.cts350x import CTS350X
 from echoscape.sim.echoes import point_echoes
-from echoscape.sim.link import full_scale_amplitude
-from echoscape.sim.phase_noise import phase_noise, with_phase
-from echoscape.sim.receiver import PART_STEP, Received, convert, receive
-from echoscape.sim.waveform import beat, echo_grid
+from echoscape.sim.receiver.if_signal import beat, echo_grid
+from echoscape.sim.receiver.phase_noise import phase_noise, with_phase
+from echoscape.sim.receiver.receiver import PART_STEP, Received, convert, receive
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.link_budget import full_scale_amplitude
+from echoscape.sim.settings.artefacts import Artefacts
 from tests.physics.laws import LawRecorder
 
 SECTION = "Receiver"

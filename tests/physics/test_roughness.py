@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from echoscape.scenes.materials import MATERIAL_NAMES, MATERIALS
-from echoscape.sim.backend import dr, mi
-from echoscape.sim.scattering import Surfaces
+from echoscape.scenes.core.materials import MATERIAL_NAMES, MATERIALS
+from echoscape.sim.raytracing.mitsuba_backend import dr, mi
+from echoscape.sim.raytracing.surface.scattering import Surfaces
 from tests.physics.laws import LawRecorder
 from tests.physics.tracing import HEIGHT_M, WAVELENGTH_M, traced
 from tests.sim.worlds import decibel, plate, world

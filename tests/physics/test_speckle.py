@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from echoscape.scenes.materials import MATERIAL_NAMES, MATERIALS
-from echoscape.scenes.world import Mesh
-from echoscape.sim.backend import dr, mi
+from echoscape.scenes.core.materials import MATERIAL_NAMES, MATERIALS
+from echoscape.scenes.core.scene import Mesh
 from echoscape.sim.echoes import Echoes
-from echoscape.sim.scan import Simulator
-from echoscape.sim.speckle import patch_key, reflectivity
-from echoscape.sim.texture import Texture
-from echoscape.sim.trace_settings import TraceSettings
+from echoscape.sim.raytracing.mitsuba_backend import dr, mi
+from echoscape.sim.raytracing.surface.speckle import patch_key, reflectivity
+from echoscape.sim.raytracing.surface.texture import Texture
+from echoscape.sim.settings.tracing import TraceSettings
+from echoscape.sim.simulator import Simulator
 from tests.physics.laws import LawRecorder
 from tests.physics.tracing import HEIGHT_M, STEADY, WAVELENGTH_M, traced
 from tests.sim.worlds import plate, quad, standing, world

@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from echoscape.scenes.materials import MATERIALS
-from echoscape.scenes.targets import Target, with_targets
-from echoscape.scenes.world import CLASSES
-from echoscape.sim import target_echoes
-from echoscape.sim.aperture import aperture
-from echoscape.sim.artefacts import Artefacts
-from echoscape.sim.cts350x import CTS350X
+from echoscape.scenes.core.materials import MATERIALS
+from echoscape.scenes.core.scene import CLASSES
+from echoscape.scenes.core.target_meshes import with_targets
+from echoscape.scenes.core.targets import Target
+from echoscape.sim.datasets.polar_scan import Component
 from echoscape.sim.echoes import Echoes
-from echoscape.sim.fresnel import permittivity
-from echoscape.sim.polar_scan import Component
-from echoscape.sim.scan import Simulator
-from echoscape.sim.trace_settings import TraceSettings
+from echoscape.sim.raytracing import target_echoes
+from echoscape.sim.raytracing.physical_optics import aperture
+from echoscape.sim.raytracing.surface.fresnel import permittivity
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.settings.artefacts import Artefacts
+from echoscape.sim.settings.tracing import TraceSettings
+from echoscape.sim.simulator import Simulator
 from tests.physics.laws import LawRecorder
 from tests.sim.worlds import Ride, decibel, plate, standing, straight, world
 

@@ -6,13 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from echoscape.sim.antenna import Antenna
-from echoscape.sim.artefacts import Artefacts
-from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.interference import ChirpRadar, interference, received_share
-from echoscape.sim.link import units_per_watt
-from echoscape.sim.motion import RowPoses
-from echoscape.sim.rain import (
+from echoscape.sim.effects.interference import ChirpRadar, interference, received_share
+from echoscape.sim.effects.rain import (
     drops,
     mie_cross_sections,
     rain_grid,
@@ -20,7 +15,12 @@ from echoscape.sim.rain import (
     specific_attenuation_db_km,
     water_permittivity,
 )
-from echoscape.sim.receiver import receive
+from echoscape.sim.kinematics.rolling_scan import RowPoses
+from echoscape.sim.receiver.receiver import receive
+from echoscape.sim.sensor.antenna import Antenna
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.link_budget import units_per_watt
+from echoscape.sim.settings.artefacts import Artefacts
 from tests.physics.laws import LawRecorder
 from tests.sim.worlds import decibel
 

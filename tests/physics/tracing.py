@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.scenes.world import Mesh, Mover, Town
-from echoscape.sim.artefacts import Artefacts
-from echoscape.sim.cts350x import CTS350X
+from echoscape.scenes.core.scene import Mesh, Mover, Scene
 from echoscape.sim.echoes import Echoes
-from echoscape.sim.scan import Simulator
-from echoscape.sim.trace_settings import TraceSettings
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.settings.artefacts import Artefacts
+from echoscape.sim.settings.tracing import TraceSettings
+from echoscape.sim.simulator import Simulator
 from tests.sim.worlds import Ride, quad, standing
 
 STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
@@ -23,7 +23,7 @@ WAVELENGTH_M = 299792458 / 76.5e9
 
 
 def traced(
-    town: Town,
+    town: Scene,
     ride: Ride | None = None,
     movers: tuple[Mover, ...] = (),
     *,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from echoscape.scenes.presets import PRESETS
-from echoscape.scenes.roads import Lane, LaneKind, RoadGraph
-from echoscape.scenes.town import road_network
-from echoscape.scenes.world import Mesh, Placements, Prototype, Town
+from echoscape.scenes.core.lane_graph import Lane, LaneKind, RoadGraph
+from echoscape.scenes.core.scene import Mesh, Placements, Prototype, Scene
+from echoscape.scenes.town.build import road_network
+from echoscape.scenes.town.presets import PRESETS
 
 HALF_LANE_M = 1.75
 CORNER_M = 9.0
@@ -97,12 +97,12 @@ def _joined(
     return RoadGraph(lanes=lanes, junctions=junctions, walks=walks)
 
 
-def _bare_town(roads: RoadGraph) -> Town:
+def _bare_town(roads: RoadGraph) -> Scene:
     """Return a town with nothing but roads."""
     corners = np.concatenate([lane.centre for lane in roads.lanes])
     nothing = np.zeros(0, np.uint32)
     low, high = corners.min(axis=0) - 30, corners.max(axis=0) + 30
-    return Town(
+    return Scene(
         preset="test",
         seed=0,
         static={},
@@ -144,7 +144,7 @@ def town_roads() -> RoadGraph:
 
 
 @pytest.fixture(scope="session")
-def bare_town() -> Callable[[RoadGraph], Town]:
+def bare_town() -> Callable[[RoadGraph], Scene]:
     """Makes a town with nothing but roads."""
     return _bare_town
 

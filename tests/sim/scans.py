@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from echoscape.sim.cts350x import CTS350X
-from echoscape.sim.polar_scan import CellTruth, MoverBoxes, PolarScan, ScanTruth
-from echoscape.sim.sensor import Sensor
+from echoscape.sim.datasets.polar_scan import CellTruth, MoverBoxes, PolarScan, ScanTruth
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.sensor import Sensor
 
 START_US = 1_700_000_000_000_000
 

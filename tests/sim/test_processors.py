@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.paths import ROOT
 
 # Dr.Jit has no Python call for the target; its C++ function is exported under its mangled name.
 MAKE_SCAN = """
 import ctypes, hashlib, pathlib, sys
-from echoscape.sim.backend import dr, mi
+from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 cpu, width = sys.argv[1], int(sys.argv[2])
 if cpu != "native":
     import drjit
@@ -21,7 +21,7 @@ if cpu != "native":
     set_target = core["_Z19jit_llvm_set_targetPKcS0_j"]
     set_target.argtypes = [ctypes.c_char_p, ctypes.c_char_p, ctypes.c_uint32]
     set_target(cpu.encode(), None, width)
-from echoscape.sim.scan import Simulator
+from echoscape.sim.simulator import Simulator
 from tests.sim.worlds import box_prototype, mover, plate, quad, straight, world
 town = world(
     ("metal", "wall", plate([30.0, 0, 5.0], [-1, 0.1], 120.0, 10.0)),

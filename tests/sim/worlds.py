@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.scenes.roads import RoadGraph
-from echoscape.scenes.trajectory import Trajectory
-from echoscape.scenes.world import CLASSES, Mesh, Mover, Placements, Prototype, StaticMesh, Town
+from echoscape.scenes.core.lane_graph import RoadGraph
+from echoscape.scenes.core.scene import CLASSES, Mesh, Mover, Placements, Prototype, Scene, StaticMesh
+from echoscape.scenes.core.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -70,14 +70,14 @@ def box_prototype(
     return Prototype(name=name, class_name=class_name, parts={material: mesh}, extent_m=size)
 
 
-def world(*things: tuple[str, str, Mesh]) -> Town:
+def world(*things: tuple[str, str, Mesh]) -> Scene:
     """A town of (material, class name, mesh) things, instance ids from 1 in their order."""
     static: dict[str, list[tuple[Mesh, int]]] = {}
     for instance, (material, _, mesh) in enumerate(things, start=1):
         static.setdefault(material, []).append((mesh, instance))
     meshes = {material: _merged(parts) for material, parts in static.items()}
     none = np.zeros(0)
-    return Town(
+    return Scene(
         preset="test",
         seed=0,
         static=meshes,

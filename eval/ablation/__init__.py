@@ -1,0 +1,1 @@
+"""One scan with and without each artefact: cases, runs, figures."""

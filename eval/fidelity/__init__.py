@@ -1,0 +1,1 @@
+"""Statistics of a folder of scans beside those of real ones."""

@@ -1,0 +1,1 @@
+"""Figures of scans and towns, and the style that all figures share."""

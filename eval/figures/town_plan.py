@@ -1,0 +1,125 @@
+"""A town seen from straight above, drawn from its scene.glb: what faces up, the highest last."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from echoscape.sim.datasets.files.atomic_write import DatasetError
+
+GROUND_COLOUR = "#1b2420"
+COLOURS = {
+    "asphalt": "#343a44",
+    "paving": "#566070",
+    "soil": "#27352c",
+    "foliage": "#3f7d4c",
+    "brick": "#b07a62",
+    "concrete": "#a39c93",
+    "plasterboard": "#cfc8ba",
+    "wood": "#8f7a5f",
+    "glass": "#7fa3b5",
+    "metal": "#8d98a8",
+    "rubber": "#22252b",
+    "person": "#e0b090",
+}
+"""Colours by material, to be looked at on a dark page."""
+
+_LIGHT = np.array([-0.5, 0.5, 0.7]) / np.linalg.norm([-0.5, 0.5, 0.7])
+_FLATTEST = 0.25
+"""Faces whose normal points up by less than this are walls and not drawn."""
+_FINENESS = 2
+_LINE_PIXELS = 1.5
+"""Width of upright faces, where they are drawn."""
+
+Window = tuple[float, float, float, float]
+"""x0, y0, x1, y1 [m] in the world."""
+
+
+def plan_picture(
+    scene_file: Path, window: Window, *, pixels: int, all_faces: bool = False
+) -> NDArray[np.float32]:
+    """Return what lies within `window` as a picture (rows, pixels, 3) in 0..1, north up; rows as it is high.
+
+    With `all_faces` those that face down are drawn as well, and upright ones as lines: for meshes whose sides
+    nobody has turned outwards.
+
+    Raises:
+        DatasetError: the scene file is absent or no scene; the message names it.
+    """
+    triangles, colours, upright = _visible(_scene(scene_file), window, all_faces=all_faces)
+    order = np.argsort(triangles[:, :, 2].mean(axis=1), kind="stable")
+    rows = round(pixels * (window[3] - window[1]) / (window[2] - window[0]))
+    figure = Figure(figsize=(1, rows / pixels), dpi=pixels * _FINENESS, facecolor=GROUND_COLOUR)
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    axes.set(xlim=(window[0], window[2]), ylim=(window[1], window[3]))
+    # Smoothed edges of neighbouring triangles leave seams: shrink the picture instead.
+    axes.add_collection(
+        PolyCollection(
+            list(triangles[order, :, :2]),
+            facecolors=colours[order],
+            edgecolors=colours[order],
+            antialiased=False,
+            lw=np.where(upright[order], _LINE_PIXELS * _FINENESS * 72 / figure.dpi, 0.0),
+        )
+    )
+    canvas.draw()
+    fine = np.asarray(canvas.buffer_rgba())[..., :3].astype(np.float32) / 255
+    return fine.reshape(rows, _FINENESS, pixels, _FINENESS, 3).mean(axis=(1, 3))
+
+
+def _scene(scene_file: Path) -> trimesh.Scene:
+    if not scene_file.is_file():
+        raise DatasetError(f"{scene_file}: no such scene")
+    try:
+        return trimesh.load_scene(scene_file, process=False)
+    except (ValueError, KeyError, IndexError) as error:
+        raise DatasetError(f"{scene_file}: not a whole glTF scene ({error})") from error
+
+
+def _visible(
+    scene: trimesh.Scene, window: Window, *, all_faces: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return triangles (T, 3, 3) [m] to draw in the window, their lit colours (T, 3), which are upright."""
+    triangles, colours, upright = [np.empty((0, 3, 3))], [np.empty((0, 3))], [np.empty(0, np.bool_)]
+    for material, corners in _parts(scene, window):
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(normal, axis=1)
+        middle = corners[:, :, :2].mean(axis=1)
+        inside = ((middle > np.array(window[:2]) - 20) & (middle < np.array(window[2:]) + 20)).all(axis=1)
+        large = np.ptp(corners[:, :, :2], axis=1).max(axis=1) > 20
+        if all_faces:
+            normal *= np.where(normal[:, 2:] < 0, -1, 1)
+        up = normal[:, 2] > _FLATTEST * length
+        kept = (inside | large) & (up | all_faces) & (length > 0)
+        light = 0.35 + 0.85 * np.clip(normal[kept] @ _LIGHT / length[kept], 0, None)
+        height = 0.92 + 0.012 * np.clip(corners[kept, :, 2].mean(axis=1), 0, 12)
+        triangles.append(corners[kept])
+        shade = np.array(to_rgb(COLOURS.get(material, "#888888")))
+        colours.append(np.clip(shade * (light * height)[:, None], 0, 1))
+        upright.append(~up[kept])
+    return np.concatenate(triangles), np.concatenate(colours), np.concatenate(upright)
+
+
+def _parts(scene: trimesh.Scene, window: Window) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Yield material and triangles (T, 3, 3) in the world, z up, of every part that may be in the window."""
+    for node in scene.graph.nodes_geometry:
+        matrix, geometry = scene.graph[node]
+        matrix, name = _Z_UP @ matrix, str(geometry)
+        place = matrix[:2, 3]
+        static = name.startswith("static/")
+        if not static and ((place < np.array(window[:2]) - 20) | (place > np.array(window[2:]) + 20)).any():
+            continue
+        corners = scene.geometry[name].triangles
+        yield name.rsplit("/", 1)[1], corners @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+"""From glTF's axes, which have y up, to the world's."""

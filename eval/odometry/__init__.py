@@ -1,0 +1,1 @@
+"""Odometry over folders of scans, and its metrics."""

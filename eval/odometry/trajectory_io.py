@@ -1,0 +1,191 @@
+"""Poses in a chain: planar motions and poses, their 4 x 4 matrices, and the text files that tools exchange.
+
+Files are those of the KITTI odometry devkit (Geiger et al., CVPR 2012: twelve numbers a line) and of the TUM
+RGB-D benchmark (Sturm et al., IROS 2012: `t x y z qx qy qz qw`); axes and times are in docs/conventions.md.
+"""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text
+
+_ROTATION_TOLERANCE = 0.01
+"""How far R R^T may be from 1: files with three decimals pass, what is no rotation does not."""
+
+# ---------------------------------------------------------------------- planar poses
+
+
+def composed(poses: ArrayLike, motions: ArrayLike) -> NDArray[np.float64]:
+    """Return poses (..., 3) after `motions` (..., 3) from `poses` (..., 3): x, y [m], yaw [rad].
+
+    T_a_c = T_a_b T_b_c for poses T_a_b and motions T_b_c: the motion is told in the pose's own axes.
+    """
+    first, second = np.asarray(poses, np.float64), np.asarray(motions, np.float64)
+    cosine, sine = np.cos(first[..., 2]), np.sin(first[..., 2])
+    x = first[..., 0] + cosine * second[..., 0] - sine * second[..., 1]
+    y = first[..., 1] + sine * second[..., 0] + cosine * second[..., 1]
+    return np.stack([x, y, first[..., 2] + second[..., 2]], axis=-1)
+
+
+def between(earlier: ArrayLike, later: ArrayLike) -> NDArray[np.float64]:
+    """Return motions (..., 3) from poses `earlier` to `later`: T_earlier_later, yaw in [-pi, pi]."""
+    first, second = np.asarray(earlier, np.float64), np.asarray(later, np.float64)
+    dx, dy, turn = np.moveaxis(second - first, -1, 0)
+    cosine, sine = np.cos(first[..., 2]), np.sin(first[..., 2])
+    yaw = np.arctan2(np.sin(turn), np.cos(turn))
+    return np.stack([cosine * dx + sine * dy, cosine * dy - sine * dx, yaw], axis=-1)
+
+
+def chained(motions: ArrayLike) -> NDArray[np.float64]:
+    """Return poses (N + 1, 3) in the frame of the first one, from N motions (N, 3) of later in earlier.
+
+    Raises:
+        ValueError: `motions` is not (N, 3) or not finite.
+    """
+    steps = np.asarray(motions, np.float64)
+    if steps.ndim != 2 or steps.shape[1] != 3 or not np.isfinite(steps).all():
+        raise ValueError(f"motions must be finite (pairs, 3), got {_told(steps)}")
+    poses = np.zeros((len(steps) + 1, 3))
+    for i, step in enumerate(steps):
+        poses[i + 1] = composed(poses[i], step)
+    return poses
+
+
+def planar_of_world(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return poses (N, 4) in the world, x, y, z [m], yaw [rad], as planar ones (N, 3) in Oxford axes.
+
+    y and yaw change their sign: z points down, so that y is right of x and yaw clockwise from above.
+    """
+    return poses[:, [0, 1, 3]] * [1.0, -1.0, -1.0]
+
+
+def matrices(poses: ArrayLike) -> NDArray[np.float64]:
+    """Return planar poses (N, 3) as (N, 4, 4): a turn by yaw about z and a shift in the plane."""
+    x, y, yaw = np.moveaxis(np.asarray(poses, np.float64), -1, 0)
+    found = np.zeros((*x.shape, 4, 4))
+    found[..., 0, 0] = found[..., 1, 1] = np.cos(yaw)
+    found[..., 1, 0] = np.sin(yaw)
+    found[..., 0, 1] = -found[..., 1, 0]
+    found[..., 2, 2] = found[..., 3, 3] = 1.0
+    found[..., 0, 3], found[..., 1, 3] = x, y
+    return found
+
+
+# ---------------------------------------------------------------------- text files
+
+
+def kitti_text(poses: NDArray[np.float64]) -> str:
+    """Return poses (N, 4, 4) as lines of twelve numbers: their upper 3 x 4, row by row."""
+    return "".join(" ".join(f"{value + 0.0:.12f}" for value in each[:3].ravel()) + "\n" for each in poses)
+
+
+def read_kitti(path: Path) -> NDArray[np.float64]:
+    """Return the poses (N, 4, 4) in a file of lines of twelve numbers.
+
+    Raises:
+        DatasetError: the file is absent or empty, or a line is no pose; the message names both.
+    """
+    numbers = _numbers(path, count=12)
+    poses = np.tile(np.eye(4), (len(numbers), 1, 1))
+    poses[:, :3] = numbers.reshape(-1, 3, 4)
+    rotations = poses[:, :3, :3]
+    off = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    wrong = (off > _ROTATION_TOLERANCE) | (np.linalg.det(rotations) < 0)
+    if wrong.any():
+        raise DatasetError(
+            f"{path}: line {int(np.argmax(wrong)) + 1} is no pose: its 3 x 3 part is no rotation"
+        )
+    return poses
+
+
+def tum_text(times_us: Sequence[int] | NDArray[np.int64], poses: NDArray[np.float64]) -> str:
+    """Return poses (N, 4, 4) as lines `t x y z qx qy qz qw`, t in seconds with six decimals.
+
+    Raises:
+        ValueError: there are not as many times as poses.
+    """
+    if len(times_us) != len(poses):
+        raise ValueError(f"times_us must be as many as the poses, {len(poses)}, got {len(times_us)}")
+    lines = []
+    for time_us, each in zip(times_us, poses, strict=True):
+        seconds, rest = divmod(int(time_us), 1_000_000)
+        values = (*each[:3, 3], *_quaternion(each[:3, :3]))
+        lines.append(f"{seconds}.{rest:06d} " + " ".join(f"{value + 0.0:.9f}" for value in values) + "\n")
+    return "".join(lines)
+
+
+def read_tum(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return times (N,) [us] and poses (N, 4, 4) of a file of lines `t x y z qx qy qz qw`.
+
+    # begins a comment.
+
+    Raises:
+        DatasetError: the file is absent or empty, or a line is no pose; the message names both.
+    """
+    numbers = _numbers(path, count=8)
+    length = np.linalg.norm(numbers[:, 4:], axis=1)
+    wrong = np.abs(length - 1) > _ROTATION_TOLERANCE
+    if wrong.any():
+        raise DatasetError(f"{path}: pose {int(np.argmax(wrong)) + 1} has a quaternion that is no rotation")
+    poses = np.tile(np.eye(4), (len(numbers), 1, 1))
+    poses[:, :3, :3] = _rotations(numbers[:, 4:] / length[:, None])
+    poses[:, :3, 3] = numbers[:, 1:4]
+    return np.rint(numbers[:, 0] * 1e6).astype(np.int64), poses
+
+
+def _numbers(path: Path, *, count: int) -> NDArray[np.float64]:
+    """Return the rows (N, count) of finite numbers in a text file, without empty lines and comments."""
+    rows = []
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        try:
+            row = [float(word) for word in words]
+        except ValueError as error:
+            raise DatasetError(f"{path}: line {number} is no pose ({error})") from error
+        if len(row) != count or not all(map(math.isfinite, row)):
+            raise DatasetError(
+                f"{path}: line {number} is no pose: {count} finite numbers, got {line.strip()!r}"
+            )
+        rows.append(row)
+    if not rows:
+        raise DatasetError(f"{path}: no poses in it")
+    return np.array(rows)
+
+
+def _quaternion(rotation: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """Return x, y, z, w >= 0 of a rotation (3, 3), from its largest component (Shepperd 1978)."""
+    r = rotation
+    trace = np.trace(r)
+    # 4 q q^T for q = (x, y, z, w); its strongest column is the steadiest one.
+    outer = np.array(
+        [
+            [1 + 2 * r[0, 0] - trace, r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]],
+            [r[0, 1] + r[1, 0], 1 + 2 * r[1, 1] - trace, r[1, 2] + r[2, 1], r[0, 2] - r[2, 0]],
+            [r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 + 2 * r[2, 2] - trace, r[1, 0] - r[0, 1]],
+            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 1 + trace],
+        ]
+    )
+    column = outer[:, int(np.argmax(np.diag(outer)))]
+    x, y, z, w = (column / np.linalg.norm(column) * (1.0 if column[3] >= 0 else -1.0)).tolist()
+    return x, y, z, w
+
+
+def _rotations(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rotations (N, 3, 3) of unit quaternions (N, 4), x, y, z, w."""
+    x, y, z, w = np.moveaxis(quaternions, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _told(values: NDArray[np.float64]) -> str:
+    return f"shape {values.shape}" if np.isfinite(values).all() else "numbers that are not finite"

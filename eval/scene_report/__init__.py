@@ -1,0 +1,1 @@
+"""What a scene holds: plan, counts, statistics."""

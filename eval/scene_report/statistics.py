@@ -1,0 +1,129 @@
+"""What a scene is made of, in numbers: triangles, objects by class, area by material, size.
+
+*Stored* triangles are those of every mesh once; *placed* counts a prototype as often as it stands somewhere.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.scenes.core.scene import CLASSES, Mesh, Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassCount:
+    """Objects of one class and the triangles that they are placed with."""
+
+    objects: int
+    triangles: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaterialCount:
+    """Triangles of one material as placed, and their area [m^2]."""
+
+    triangles: int
+    area_m2: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inventory:
+    """The numbers of a scene: classes and materials by name, low_m and high_m the corners of its box."""
+
+    triangles_stored: int
+    triangles_placed: int
+    classes: dict[str, ClassCount]
+    materials: dict[str, MaterialCount]
+    low_m: tuple[float, float, float]
+    high_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Piece:
+    """A mesh of one material as it is placed: areas (F,) [m^2], instance (F,), its box (2, 3) [m]."""
+
+    material: str
+    area: NDArray[np.float64]
+    instance: NDArray[np.uint32]
+    box: NDArray[np.float64]
+
+
+def inventory(town: Scene) -> Inventory:
+    """Count what stands in `town`."""
+    triangles = np.zeros(len(town.instance_class), np.int64)
+    materials: dict[str, MaterialCount] = {}
+    boxes = [np.full((2, 3), np.nan)]
+    for piece in _pieces(town):
+        triangles += np.bincount(piece.instance, minlength=len(triangles))
+        before = materials.get(piece.material, MaterialCount(triangles=0, area_m2=0.0))
+        materials[piece.material] = MaterialCount(
+            triangles=before.triangles + len(piece.area), area_m2=before.area_m2 + float(piece.area.sum())
+        )
+        boxes.append(piece.box)
+    edges = np.array(boxes[1:] or [np.zeros((2, 3))])
+    low, high = edges[:, 0].min(axis=0).tolist(), edges[:, 1].max(axis=0).tolist()
+    return Inventory(
+        triangles_stored=_stored(town),
+        triangles_placed=int(triangles.sum()),
+        classes=_classes(town, triangles),
+        materials=dict(sorted(materials.items())),
+        low_m=(low[0], low[1], low[2]),
+        high_m=(high[0], high[1], high[2]),
+    )
+
+
+def _classes(town: Scene, triangles: NDArray[np.int64]) -> dict[str, ClassCount]:
+    """Return the counts of the classes that occur, in the order of their ids; `triangles` (I,) by object."""
+    ids = town.instance_class.astype(np.intp)
+    objects = np.bincount(ids[1:], minlength=len(CLASSES))
+    faces = np.bincount(ids, weights=triangles, minlength=len(CLASSES))
+    return {
+        name: ClassCount(objects=int(objects[row]), triangles=int(faces[row]))
+        for row, name in enumerate(CLASSES)
+        if objects[row]
+    }
+
+
+def _stored(town: Scene) -> int:
+    """Return the triangles of all meshes, prototypes that stand somewhere once."""
+    used = np.unique(town.placements.prototype).tolist()
+    parts = [mesh for row in used for mesh in town.prototypes[row].parts.values()]
+    return sum(len(mesh.faces) for mesh in [*town.static.values(), *parts])
+
+
+def _pieces(town: Scene) -> Iterator[_Piece]:
+    """Yield every mesh of every material wherever it is placed."""
+    for material, mesh in town.static.items():
+        if len(mesh.faces):
+            yield _Piece(
+                material=material, area=_areas(mesh), instance=mesh.instance, box=_box(mesh.vertices)
+            )
+    placed = town.placements
+    for row, prototype in enumerate(town.prototypes):
+        for material, mesh in prototype.parts.items():
+            if len(mesh.faces) == 0:
+                continue
+            area = _areas(mesh)
+            for i in np.flatnonzero(placed.prototype == row):
+                yaw, scale = float(placed.yaw[i]), float(placed.scale[i])
+                cos, sin = np.cos(yaw), np.sin(yaw)
+                turn = scale * np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+                yield _Piece(
+                    material=material,
+                    area=area * scale**2,
+                    instance=np.full(len(mesh.faces), placed.instance[i]),
+                    box=_box(mesh.vertices @ turn.T + placed.position[i]),
+                )
+
+
+def _areas(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the areas (F,) of a mesh's faces [m^2]."""
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+
+
+def _box(vertices: NDArray) -> NDArray[np.float64]:
+    """Return the lowest and highest coordinates (2, 3) of vertices (V, 3) [m]."""
+    return np.array([vertices.min(axis=0), vertices.max(axis=0)], np.float64)

@@ -1,0 +1,1 @@
+"""A self-contained page to step through a data set."""

@@ -1,0 +1,1 @@
+"""Scans as training data: images, pairs, augmentation, true motions."""

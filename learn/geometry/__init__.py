@@ -1,0 +1,1 @@
+"""Matches and the motion that fits them, in the plane."""

@@ -1,0 +1,1 @@
+"""The keypoint model: U-Net, keypoints, descriptors, matching."""

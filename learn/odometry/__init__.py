@@ -1,0 +1,1 @@
+"""From a sequence of scans to a trajectory."""

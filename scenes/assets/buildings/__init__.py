@@ -1,0 +1,1 @@
+"""Houses, apartment blocks and warehouses, and the parts they are built from."""

@@ -1,0 +1,205 @@
+"""Vehicle bodies as hulls: cross-sections along the length, rounded in plan and section, with wheel arches.
+
+A hull is drawn as a naval architect would: lines (floor, belt, roof, plan) given at a few places along the
+car and sampled at stations. Curved shoulders matter: they decide which facet mirrors towards the radar.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.scenes.core.scene import Mesh
+from echoscape.scenes.geometry.primitives import box, circle, loft, loft_quads, merge, mesh, mirrored, moved
+
+Line = tuple[tuple[float, float], ...]
+"""Knots (distance from the front [m], value) of a piecewise linear line along a vehicle."""
+
+_SIDE_SEGMENTS = (4, 8)  # belt to rail, left and right
+_TOP_SEGMENTS = (5, 6, 7)  # rail to crown, crown to crown, crown to rail
+_MIN_STATION_M = 0.055
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hull:
+    """The lines of a body; distances [m] count from the front bumper backwards, heights from the ground.
+
+    `plan` is the share of the half width, `roof_share` the share of the half width at the roof's edge;
+    `windows` are the intervals along the sides, `screens` those on the top that are glass.
+    """
+
+    length_m: float
+    width_m: float
+    floor: Line
+    belt: Line
+    roof: Line
+    plan: Line
+    roof_share: float
+    axles: tuple[float, ...]
+    wheel_radius_m: float
+    wheel_width_m: float
+    windows: tuple[tuple[float, float], ...] = ()
+    screens: tuple[tuple[float, float], ...] = ()
+
+
+def hull_parts(hull: Hull) -> dict[str, Mesh]:
+    """Return the body in metal and glass; x forward, front bumper at x = length / 2."""
+    station = _stations(hull)
+    rings = _rings(hull, station)
+    count, size = rings.shape[:2]
+    corners = loft_quads(count, size)
+    glass = _is_glass(hull, station, size)
+    points = rings.reshape(-1, 3)
+    ends = [_bowed_cap(rings[0][::-1], -0.03), _bowed_cap(rings[-1], 0.03)]
+    skin = [mesh(points, _split(corners[~glass]))]
+    parts = {"metal": merge(skin + ends)}
+    if glass.any():
+        parts["glass"] = mesh(points, _split(corners[glass]))
+    return parts
+
+
+def _stations(hull: Hull) -> NDArray[np.float64]:
+    """Return (K,) distances from the front, from the tail to the nose, at every knot and arch."""
+    lines = (hull.floor, hull.belt, hull.roof, hull.plan)
+    knots = [x for line in lines for x, _ in line]
+    knots += [x for pair in hull.windows + hull.screens for x in pair]
+    arch = 1.15 * hull.wheel_radius_m
+    knots += [axle + share * arch for axle in hull.axles for share in (-1.0, -0.65, 0.65, 1.0)]
+    ordered = np.unique(np.round(np.clip(knots, 0.0, hull.length_m), 3))
+    kept = [0.0]
+    for x in ordered[1:-1].tolist():
+        if x - kept[-1] > _MIN_STATION_M and hull.length_m - x > 0.6 * _MIN_STATION_M:
+            kept.append(x)
+    return np.array([*kept, hull.length_m])[::-1]
+
+
+def _rings(hull: Hull, station: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (K, 14, 3) cross-sections, counter-clockwise about +x."""
+    floor, belt, roof, plan = (
+        np.interp(station, *np.array(line).T) for line in (hull.floor, hull.belt, hull.roof, hull.plan)
+    )
+    roof = np.maximum(roof, belt)
+    half = 0.5 * hull.width_m * plan
+    arch = np.maximum(floor, _arch_height(hull, station))
+    inner = np.minimum(0.5 * hull.width_m - hull.wheel_width_m - 0.06, 0.98 * half)
+    bulge = np.maximum(floor + 0.55 * (belt - floor), arch + 0.04)
+    belt = np.maximum(belt, bulge + 0.02)
+    roof = np.maximum(roof, belt)
+    raised = np.clip((roof - belt) / 0.4, 0.0, 1.0)
+    rail = half * (0.9 + (hull.roof_share - 0.9) * raised)
+    lift = 0.05 * raised + 0.02
+    left = np.stack(
+        [
+            np.stack([inner, floor], 1),
+            np.stack([inner, arch], 1),
+            np.stack([0.975 * half, arch], 1),
+            np.stack([half, bulge], 1),
+            np.stack([0.965 * half, belt - 0.03 * (1 - raised)], 1),
+            np.stack([rail, roof - lift], 1),
+            np.stack([0.78 * rail, roof], 1),
+        ],
+        axis=1,
+    )  # (K, 7, 2)
+    right = left[:, ::-1] * [-1.0, 1.0]
+    section = np.concatenate([left, right], axis=1)
+    along = np.broadcast_to((0.5 * hull.length_m - station)[:, None, None], (*section.shape[:2], 1))
+    return np.concatenate([along, section], axis=2)
+
+
+def _arch_height(hull: Hull, station: NDArray[np.float64]) -> NDArray[np.float64]:
+    radius = 1.15 * hull.wheel_radius_m
+    away = station[:, None] - np.array(hull.axles)
+    inside = np.abs(away) < 0.99 * radius
+    height = hull.wheel_radius_m + np.sqrt(np.maximum(radius**2 - away**2, 0.0))
+    return np.where(inside, height, 0.0).max(axis=1)
+
+
+def _is_glass(hull: Hull, station: NDArray[np.float64], size: int) -> NDArray[np.bool_]:
+    middle = 0.5 * (station[1:] + station[:-1])
+    glass = np.zeros((len(middle), size), dtype=bool)
+    for intervals, segments in ((hull.windows, _SIDE_SEGMENTS), (hull.screens, _TOP_SEGMENTS)):
+        for low, high in intervals:
+            rows = (middle > low) & (middle < high)
+            glass[np.ix_(rows, np.array(segments))] = True
+    return glass.ravel()
+
+
+def _split(corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+
+
+def _bowed_cap(ring: NDArray[np.float64], bow_m: float) -> Mesh:
+    """Return a fan about the ring's middle, which is pushed out along x: no bumper is one flat mirror."""
+    size = len(ring)
+    middle = 0.5 * (ring.min(axis=0) + ring.max(axis=0)) + [bow_m, 0.0, 0.0]
+    rim = np.arange(size)
+    faces = np.stack([np.full(size, size), rim, (rim + 1) % size], axis=1)
+    return mesh(np.concatenate([ring, middle[None]]), faces)
+
+
+def wheels(axles_x_m: Sequence[float], *, track_m: float, radius_m: float, width_m: float) -> dict[str, Mesh]:
+    """Return wheels in rubber (tyres) and metal (dished rims), `track_m` apart from outside to outside."""
+    tyre, rim = _wheel(radius_m, width_m)
+    parts: dict[str, Mesh] = {}
+    for material, left in (("rubber", tyre), ("metal", rim)):
+        both = [
+            side
+            for x in axles_x_m
+            for side in (
+                moved(left, (x, 0.5 * track_m, radius_m)),
+                mirrored(moved(left, (x, 0.5 * track_m, radius_m))),
+            )
+        ]
+        parts[material] = merge(both)
+    return parts
+
+
+def _wheel(radius_m: float, width_m: float, sides: int = 10) -> tuple[Mesh, Mesh]:
+    """Return a left wheel's tyre and rim, its outer face at y = 0 and its axle at z = 0."""
+    ring = -circle(1.0, sides)  # begins straight below the axle: it touches the road
+    shoulders = ((0.55, -width_m), (1.0, -width_m), (1.0, -0.03), (0.68, 0.0))
+    profile = np.stack([_in_wheel_plane(ring, share * radius_m, y) for share, y in shoulders])
+    edge = _in_wheel_plane(ring, 0.68 * radius_m, 0.0)
+    rim = np.arange(sides)
+    dish = np.stack([np.full(sides, sides), rim, (rim + 1) % sides], axis=1)
+    closed = mesh(profile[0], [[0, i + 1, i] for i in range(1, sides - 1)])
+    return merge([loft(profile, caps=False), closed]), mesh(np.concatenate([edge, [[0.0, -0.04, 0.0]]]), dish)
+
+
+def _in_wheel_plane(ring: NDArray[np.float64], radius_m: float, y_m: float) -> NDArray[np.float64]:
+    """Return (N, 3): `ring` (N, 2) as z and x at `y_m`."""
+    return np.stack([radius_m * ring[:, 1], np.full(len(ring), y_m), radius_m * ring[:, 0]], axis=1)
+
+
+def bevelled_box(size_m: Sequence[float], centre_m: Sequence[float], *, bevel_m: float = 0.06) -> Mesh:
+    """Return a box whose long edges (along x) and ends are bevelled, as sheet-metal bodies are."""
+    length, width, height = size_m
+    y, z = 0.5 * width, 0.5 * height
+    outline = np.array(
+        [
+            [-y + bevel_m, -z],
+            [y - bevel_m, -z],
+            [y, -z + bevel_m],
+            [y, z - bevel_m],
+            [y - bevel_m, z],
+            [-y + bevel_m, z],
+            [-y, z - bevel_m],
+            [-y, -z + bevel_m],
+        ]
+    )
+    small = outline * [(y - bevel_m) / y, (z - bevel_m) / z]
+    ends = 0.5 * length
+    places = ((-ends, small), (-ends + bevel_m, outline), (ends - bevel_m, outline), (ends, small))
+    rings = [np.c_[np.full(8, x), ring] for x, ring in places]
+    return moved(loft(np.stack(rings)), centre_m)
+
+
+def mirrors(x_m: float, half_width_m: float, z_m: float, *, height_m: float = 0.14) -> Mesh:
+    """Return two wing mirrors: a stalk and a housing that tapers forwards."""
+    stalk = box((0.05, 0.1, 0.04), (x_m, half_width_m - 0.02, z_m - 0.04))
+    middle = np.array([half_width_m + 0.11, z_m + 0.02])
+    back = np.array([[-0.09, -0.5], [0.09, -0.5], [0.09, 0.5], [-0.09, 0.5]]) * [1.0, height_m]
+    rings = [np.c_[np.full(4, x_m - 0.04), back + middle], np.c_[np.full(4, x_m + 0.06), 0.7 * back + middle]]
+    left = merge([stalk, loft(np.stack(rings))])
+    return merge([left, mirrored(left)])

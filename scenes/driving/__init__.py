@@ -1,0 +1,1 @@
+"""How the car that carries the radar drives: its route, lane path, speed profile and clearance."""

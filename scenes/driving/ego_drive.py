@@ -1,0 +1,240 @@
+"""The radar car's own drive: a route, a smooth path along it, a speed, and so a pose at any time.
+
+The car turns as a single-track model does: its rear axle, `rear_axle_m` behind the middle, does not slip, so
+the middle moves slightly sideways in bends (Rajamani, Vehicle Dynamics and Control, 2012, section 2.2).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.optimize import root_scalar
+from scipy.signal import lfilter
+
+from echoscape.scenes.core.checks import check_between
+from echoscape.scenes.core.lane_graph import RoadGraph
+from echoscape.scenes.core.scene import Scene
+from echoscape.scenes.core.trajectory import Trajectory
+from echoscape.scenes.driving.lane_path import Path, smooth_path
+from echoscape.scenes.driving.route import Route, RouteSettings, plan_route
+from echoscape.scenes.driving.speed_profile import (
+    SpeedSettings,
+    Stops,
+    Timing,
+    speed_caps,
+    speed_profile,
+    timing,
+)
+
+LENGTH_RANGE_M = (10.0, 20_000.0)
+DURATION_RANGE_S = (0.5, 7_200.0)
+EGO_EXTENT_M = (4.8, 2.0, 1.5)
+
+_STEP_M = 0.25
+_SPARE_M = 80.0
+_ROUTE, _WANDER, _MOOD, _STOPS, _VIGOUR = range(100, 105)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveSettings:
+    """What a drive is made with."""
+
+    route: RouteSettings = field(default_factory=RouteSettings)
+    """Which streets are taken."""
+    speed: SpeedSettings = field(default_factory=SpeedSettings)
+    """How fast they are driven."""
+    knot_s: float = 0.05
+    """Step of the trajectory's clock [s]."""
+    corner_m: float = 1.0
+    """Sigma of the Gaussian along the path that smooths corners [m]."""
+    wander_m: float = 0.08
+    """Sideways wander within the lane, rms [m]."""
+    wander_length_m: float = 12.0
+    """Distance over which the wander changes, the sigma of its Gaussian [m]."""
+    rear_axle_m: float = 0.9
+    """Distance of the rear axle, which does not slip, behind the car's middle [m]."""
+    stop_line_m: float = 4.4
+    """Distance of a stopped car's middle from its lane's end [m]."""
+    free_start_m: float = 25.0
+    """Distance from the start within which the car does not stop [m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse ways that leave the road, and what memory gives out over, naming the field."""
+        check_between(
+            self, knot_s=(0.005, 0.5), corner_m=(0.05, 20), wander_m=(0, 2), wander_length_m=(0.1, 1000)
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EgoDrive:
+    """A planned drive: where the car is at any time.
+
+    `travel_m` (K,) is the distance along the route's lanes at the trajectory's knots (see `Route.locate`).
+    """
+
+    trajectory: Trajectory
+    route: Route
+    travel_m: NDArray[np.float64]
+    duration_s: float
+    length_m: float
+
+    def pose(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (..., 4) x, y, z [m] and yaw [rad] of the car's middle at `time_s` (...) [s]."""
+        return self.trajectory.pose(time_s)
+
+    def velocity(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (..., 4) vx, vy, vz [m/s] and yaw rate [rad/s] in the world frame at `time_s` (...) [s]."""
+        return self.trajectory.velocity(time_s)
+
+    def travel(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance along the route's lanes (...) [m] at `time_s` (...) [s]."""
+        return np.interp(time_s, self.trajectory.time_s, self.travel_m)
+
+
+def plan_ego_drive(
+    town: Scene | RoadGraph,
+    *,
+    seed: int,
+    duration_s: float | None = None,
+    length_m: float | None = None,
+    settings: DriveSettings | None = None,
+) -> EgoDrive:
+    """Plan a drive of `duration_s` [s] or of `length_m` [m] through the lanes of `town`.
+
+    Raises ValueError unless exactly one of the two is given and within its range.
+    """
+    _check_span(duration_s, length_m)
+    settings = settings or DriveSettings()
+    roads = town.roads if isinstance(town, Scene) else town
+    furthest = length_m or (duration_s or 0.0) * max(lane.speed_limit_mps for lane in roads.lanes)
+    rng = {stage: _stage_rng(seed, stage) for stage in (_ROUTE, _WANDER, _MOOD, _STOPS, _VIGOUR)}
+    spare = _SPARE_M + 0.05 * furthest
+    route = plan_route(roads, length_m=furthest + spare, rng=rng[_ROUTE], settings=settings.route)
+    path = smooth_path(
+        [roads.lanes[lane] for lane in route.lanes],
+        from_m=route.start_m,
+        step_m=_STEP_M,
+        sigma_m=settings.corner_m,
+        wander_m=settings.wander_m,
+        wander_length_m=settings.wander_length_m,
+        rng=rng[_WANDER],
+    )
+    limit = np.array([roads.lanes[lane].speed_limit_mps for lane in route.lanes])[
+        route.locate(path.travel_m)[0]
+    ]
+    speed = settings.speed
+    caps = speed_caps(path.curvature, limit, step_m=_STEP_M, settings=speed, rng=rng[_MOOD])
+    stops = _stops(roads, route, path, settings=settings, rng=rng[_STOPS])
+    profile = speed_profile(caps, stops, step_m=_STEP_M, settings=speed, rng=rng[_VIGOUR])
+    clock = timing(profile, stops, step_m=_STEP_M, settings=speed, clock_s=settings.knot_s)
+    return _driven(route, path, clock, duration_s=duration_s, length_m=length_m, settings=settings)
+
+
+def _check_span(duration_s: float | None, length_m: float | None) -> None:
+    if (duration_s is None) == (length_m is None):
+        raise ValueError(
+            f"exactly one of duration_s and length_m must be given, got {duration_s} and {length_m}"
+        )
+    for name, value, (low, high) in (
+        ("duration_s", duration_s, DURATION_RANGE_S),
+        ("length_m", length_m, LENGTH_RANGE_M),
+    ):
+        if value is not None and not low <= value <= high:
+            raise ValueError(f"{name} must be in [{low:g}, {high:g}], got {value}")
+
+
+def _stage_rng(seed: int, stage: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence([seed, stage]))
+
+
+def _stops(
+    roads: RoadGraph, route: Route, path: Path, *, settings: DriveSettings, rng: np.random.Generator
+) -> Stops:
+    """Draw the stops at the ends of street lanes: signals, and traffic that has the right of way."""
+    speed = settings.speed
+    lanes = [roads.lanes[lane] for lane in route.lanes]
+    chance = np.array([speed.yield_chance if lane.yields else speed.stop_chance for lane in lanes])
+    chance[[lane.kind != "street" for lane in lanes]] = 0.0
+    halts = rng.random(len(lanes)) < chance
+    dwell = np.clip(rng.exponential(speed.stop_s, len(lanes)), *speed.stop_range_s)
+    at = np.maximum(route.ends_m - settings.stop_line_m, route.begins_m)
+    arc = np.interp(at, path.travel_m, _STEP_M * np.arange(len(path.xy)))
+    halts &= (arc > settings.free_start_m) & (at < path.travel_m[-1])
+    return Stops(arc_m=arc[halts], dwell_s=dwell[halts])
+
+
+def _driven(
+    route: Route,
+    path: Path,
+    clock: Timing,
+    *,
+    duration_s: float | None,
+    length_m: float | None,
+    settings: DriveSettings,
+) -> EgoDrive:
+    """Cut the clock to the span asked for and put the car on the path at every knot."""
+    course = CubicHermiteSpline(clock.time_s, clock.arc_m, clock.speed_mps)
+    if duration_s is None:
+        duration_s = _when(course, length_m or 0.0)
+    time = np.linspace(0.0, duration_s, max(int(np.ceil(duration_s / settings.knot_s)), 1) + 1)
+    arc, speed = course(time), course(time, nu=1)
+    trajectory = _on_path(path, time, arc, speed, rear_axle_m=settings.rear_axle_m)
+    travel = np.interp(arc, path.step_m * np.arange(len(path.xy)), path.travel_m)
+    count = int(np.searchsorted(route.ends_m, travel[-1])) + 1
+    driven = Route(
+        lanes=route.lanes[:count],
+        ends_m=route.ends_m[:count],
+        start_m=route.start_m,
+        length_m=float(travel[-1] - route.start_m),
+    )
+    return EgoDrive(
+        trajectory=trajectory,
+        route=driven,
+        travel_m=travel,
+        duration_s=duration_s,
+        length_m=float(arc[-1] - arc[0]),
+    )
+
+
+def _when(course: CubicHermiteSpline, arc_m: float) -> float:
+    """Return the first time [s] at which `course`, which never falls, reaches `arc_m`."""
+    late = int(np.argmax(course(course.x) >= arc_m))
+    bracket = (course.x[max(late - 1, 0)], course.x[late])
+    return float(root_scalar(lambda time: course(time) - arc_m, bracket=bracket, xtol=1e-12).root)
+
+
+def _on_path(
+    path: Path,
+    time: NDArray[np.float64],
+    arc: NDArray[np.float64],
+    speed: NDArray[np.float64],
+    *,
+    rear_axle_m: float,
+) -> Trajectory:
+    yaw = trailing_yaw(path, rear_axle_m=rear_axle_m)
+    yaw_slope = (path.heading - yaw) / rear_axle_m
+    samples = path.step_m * np.arange(len(path.xy))
+    flat = np.zeros_like(samples)
+    place = np.stack([*path.xy.T, flat, yaw], axis=-1)
+    slope = np.stack([np.cos(path.heading), np.sin(path.heading), flat, yaw_slope], axis=-1)
+    spline = CubicHermiteSpline(samples, place, slope)
+    return Trajectory(time_s=time, state=spline(arc), rate=spline(arc, nu=1) * speed[:, None])
+
+
+def trailing_yaw(path: Path, *, rear_axle_m: float) -> NDArray[np.float64]:
+    """Return the car's yaw (S,) [rad] along `path`: d yaw / d arc = (heading - yaw) / rear axle's distance.
+
+    The single-track model for small slip angles, solved exactly for a heading that is linear between samples.
+    """
+    ratio = path.step_m / rear_axle_m
+    decay = np.exp(-ratio)
+    mean = (1 - decay) / ratio
+    start = path.heading[0] - rear_axle_m * path.curvature[0]
+    yaw, _ = lfilter(
+        [1 - mean, mean - decay],
+        [1.0, -decay],
+        path.heading[1:],
+        zi=[decay * start + (mean - decay) * path.heading[0]],
+    )
+    return np.concatenate([[start], yaw])

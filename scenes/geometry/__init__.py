@@ -1,0 +1,1 @@
+"""Curves and solids from which assets and roads are made."""

@@ -1,0 +1,191 @@
+"""Small solids as triangle meshes: boxes, prisms, lofts, tubes, ellipsoids, loose quads, and joining.
+
+Faces are counter-clockwise seen from outside. Shapes are built in float64 and rounded once to float32.
+"""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from echoscape.scenes.core.scene import Mesh, Prototype
+
+MIN_AREA_M2 = 1e-8
+"""Faces smaller than this are dropped: they are collapsed on purpose where a shape tapers to an edge."""
+
+_BOX_CORNERS = np.array(
+    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]
+)
+_BOX_QUADS = np.array(
+    [[3, 2, 1, 0], [4, 5, 6, 7], [0, 1, 5, 4], [2, 3, 7, 6], [3, 0, 4, 7], [1, 2, 6, 5]]
+)  # below, above, -y, +y, -x, +x
+
+
+def mesh(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
+    """Return a `Mesh` of `vertices` (V, 3) [m] and `faces` (F, 3), without the faces that have no area."""
+    points = np.asarray(vertices, dtype=np.float32).reshape(-1, 3)
+    triangles = np.asarray(faces, dtype=np.uint32).reshape(-1, 3)
+    return Mesh(vertices=points, faces=triangles[areas(points, triangles) > MIN_AREA_M2])
+
+
+def areas(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Return the area [m^2] of every face, (F,)."""
+    first, second, third = vertices[faces.T].astype(np.float64)
+    ux, uy, uz = (second - first).T
+    vx, vy, vz = (third - first).T
+    return 0.5 * np.sqrt((uy * vz - uz * vy) ** 2 + (uz * vx - ux * vz) ** 2 + (ux * vy - uy * vx) ** 2)
+
+
+def quads(corners: ArrayLike) -> Mesh:
+    """Return loose quads `corners` (Q, 4, 3) [m], each counter-clockwise seen from its outer side."""
+    points = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 3)
+    first = 4 * np.arange(len(points))
+    return mesh(points, first[:, None] + [0, 1, 2, 0, 2, 3])
+
+
+def merge(meshes: Iterable[Mesh]) -> Mesh:
+    """Return all `meshes` as one."""
+    parts = list(meshes)
+    if not parts:
+        return Mesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.uint32))
+    start = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
+    faces = [part.faces + np.uint32(offset) for part, offset in zip(parts, start, strict=True)]
+    return Mesh(vertices=np.concatenate([part.vertices for part in parts]), faces=np.concatenate(faces))
+
+
+def moved(
+    part: Mesh,
+    offset_m: Sequence[float] = (0.0, 0.0, 0.0),
+    *,
+    yaw_rad: float = 0.0,
+    rotation: ArrayLike | None = None,
+) -> Mesh:
+    """Return `part` turned by `rotation` (3, 3), then by `yaw_rad` about z, then shifted by `offset_m`."""
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    turn = turn if rotation is None else turn @ np.asarray(rotation, dtype=np.float64)
+    points = part.vertices.astype(np.float64) @ turn.T + np.asarray(offset_m, dtype=np.float64)
+    return Mesh(vertices=points.astype(np.float32), faces=part.faces)
+
+
+def mirrored(part: Mesh) -> Mesh:
+    """Return `part` mirrored in the x-z plane (left becomes right), its faces still outward."""
+    return Mesh(vertices=(part.vertices * np.array([1, -1, 1], np.float32)), faces=part.faces[:, ::-1].copy())
+
+
+def box(size_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.0, 0.0)) -> Mesh:
+    """Return a box of `size_m` (x, y, z) about `centre_m`."""
+    points = 0.5 * np.asarray(size_m, dtype=np.float64) * _BOX_CORNERS + np.asarray(centre_m)
+    return mesh(points, _quad_faces(_BOX_QUADS))
+
+
+def loft(rings: ArrayLike, *, caps: bool = True) -> Mesh:
+    """Return the skin over `rings` (K, N, 3) [m], each counter-clockwise seen from the last ring's side.
+
+    `caps` closes both ends with fans, so those rings are to be convex.
+    """
+    points = np.asarray(rings, dtype=np.float64)
+    count, size = points.shape[:2]
+    faces = _quad_faces(loft_quads(count, size))
+    if caps:
+        fan = np.stack([np.zeros(size - 2), np.arange(1, size - 1), np.arange(2, size)], axis=1)
+        faces = np.concatenate([faces, fan[:, ::-1], fan + (count - 1) * size])
+    return mesh(points.reshape(-1, 3), faces)
+
+
+def loft_quads(count: int, size: int) -> NDArray[np.int64]:
+    """Return ((count - 1) * size, 4) vertex rows of the quads between `count` rings of `size` points."""
+    ring, point = np.divmod(np.arange((count - 1) * size), size)
+    following = ring * size + (point + 1) % size
+    own = ring * size + point
+    return np.stack([own, following, following + size, own + size], axis=1)
+
+
+def _quad_faces(corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+
+
+def prism(outline: ArrayLike, *, bottom_m: float, top_m: float) -> Mesh:
+    """Return a simple counter-clockwise polygon `outline` (N, 2) [m], convex or not, between heights."""
+    corners = np.asarray(outline, dtype=np.float64)
+    lid = polygon_triangles(corners)
+    size = len(corners)
+    points = np.concatenate([np.c_[corners, np.full(size, bottom_m)], np.c_[corners, np.full(size, top_m)]])
+    return mesh(points, np.concatenate([_quad_faces(loft_quads(2, size)), lid[:, ::-1], lid + size]))
+
+
+def polygon_triangles(outline: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return (N - 2, 3) corner rows that fill a simple counter-clockwise polygon (N, 2), by ear clipping."""
+    left = list(range(len(outline)))
+    triangles = []
+    while len(left) > 3:
+        ear = next((i for i in range(len(left)) if _is_ear(outline, left, i)), 0)
+        triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        del left[ear]
+    return np.array([*triangles, left], dtype=np.int64)
+
+
+def _is_ear(outline: NDArray[np.float64], left: list[int], i: int) -> bool:
+    before, own, after = left[i - 1], left[i], left[(i + 1) % len(left)]
+    corners = outline[[before, own, after]]
+    edges = np.roll(corners, -1, axis=0) - corners
+    if edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0] <= 1e-12:
+        return False
+    others = outline[[j for j in left if j not in (before, own, after)]]
+    away = others[:, None] - corners  # (M, 3, 2)
+    side = edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0]
+    return not bool(np.any(np.all(side >= 0, axis=1)))
+
+
+def circle(radius_m: float, sides: int) -> NDArray[np.float64]:
+    """Return (sides, 2) points of a regular polygon, counter-clockwise."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    return radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def cylinder(radius_m: float, height_m: float, *, sides: int = 8, top_radius_m: float | None = None) -> Mesh:
+    """Return an upright cylinder on z = 0, tapered to `top_radius_m` if given (0 makes a cone)."""
+    return tube((0, 0, 0), (0, 0, height_m), radius_m, top_radius_m, sides=sides)
+
+
+def tube(
+    start_m: ArrayLike,
+    end_m: ArrayLike,
+    radius_m: float,
+    end_radius_m: float | None = None,
+    *,
+    sides: int = 6,
+) -> Mesh:
+    """Return a round bar from `start_m` to `end_m`, tapered to `end_radius_m` if given."""
+    start, end = np.asarray(start_m, dtype=np.float64), np.asarray(end_m, dtype=np.float64)
+    axis = (end - start) / np.linalg.norm(end - start)
+    across = np.cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.7 else (0.0, 1.0, 0.0))
+    across /= np.linalg.norm(across)
+    ring = circle(1.0, sides) @ np.stack([across, np.cross(axis, across)])
+    last = radius_m if end_radius_m is None else end_radius_m
+    return loft(np.stack([start + radius_m * ring, end + last * ring]))
+
+
+def ellipsoid(
+    radii_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.0, 0.0), *, sides: int = 8, rows: int = 5
+) -> Mesh:
+    """Return an ellipsoid of flat facets with `rows` bands between its poles."""
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, rows + 1)
+    flat = np.cos(latitude)[:, None, None] * circle(1.0, sides)
+    high = np.broadcast_to(np.sin(latitude)[:, None, None], (rows + 1, sides, 1))
+    unit = np.concatenate([flat, high], axis=2)
+    return loft(unit * np.asarray(radii_m) + np.asarray(centre_m), caps=False)
+
+
+def prototype(name: str, class_name: str, parts: dict[str, Mesh]) -> Prototype:
+    """Return a `Prototype` of `parts`, shifted so that their common box is centred and on the ground."""
+    points = np.concatenate([part.vertices[np.unique(part.faces)] for part in parts.values()])
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    shift = (-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2])
+    length, width, height = (high - low).tolist()
+    return Prototype(
+        name=name,
+        class_name=class_name,
+        parts={material: moved(part, shift) for material, part in parts.items()},
+        extent_m=(length, width, height),
+    )

@@ -1,0 +1,1 @@
+"""Scenes, drives and targets read from files, and scenes written to glTF."""

@@ -1,0 +1,97 @@
+"""A town as glTF: one mesh a material, and prototypes stored once and placed by nodes of the scene graph.
+
+glTF has y upwards (Khronos glTF 2.0, section 3.4); the root node turns the town's z up to that.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
+
+from echoscape.scenes.core.scene import Mesh, Scene
+
+COLOURS: dict[str, tuple[float, float, float]] = {
+    "concrete": (0.66, 0.65, 0.62),
+    "brick": (0.60, 0.31, 0.22),
+    "plasterboard": (0.88, 0.86, 0.80),
+    "wood": (0.45, 0.32, 0.20),
+    "glass": (0.35, 0.48, 0.55),
+    "metal": (0.55, 0.57, 0.62),
+    "asphalt": (0.20, 0.20, 0.22),
+    "paving": (0.72, 0.70, 0.66),
+    "soil": (0.36, 0.45, 0.24),
+    "foliage": (0.18, 0.38, 0.14),
+    "rubber": (0.08, 0.08, 0.08),
+    "person": (0.80, 0.60, 0.50),
+}
+"""Base colours (linear red, green, blue) to look at, by material."""
+
+
+def town_scene(town: Scene) -> trimesh.Scene:
+    """Return the town as a scene: a node a material, and a node for each part of each placement."""
+    scene = trimesh.Scene()
+    upright = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    scene.graph.update(frame_to="town", frame_from="world", matrix=upright)
+    for material, mesh in town.static.items():
+        name = f"static/{material}"
+        scene.add_geometry(_geometry(mesh, material), node_name=name, geom_name=name, parent_node_name="town")
+    placed = town.placements
+    for row, prototype in enumerate(town.prototypes):
+        rows = np.flatnonzero(placed.prototype == row)
+        if len(rows) == 0:
+            continue
+        for material, mesh in prototype.parts.items():
+            name = f"{prototype.name}/{material}"
+            scene.geometry[name] = _geometry(mesh, material)
+            for i in rows:
+                node = f"{name}/{placed.instance[i]}"
+                pose = _pose(placed.position[i], float(placed.yaw[i]), float(placed.scale[i]))
+                scene.graph.update(frame_to=node, frame_from="town", matrix=pose, geometry=name)
+    return scene
+
+
+def town_to_glb(town: Scene) -> bytes:
+    """Return the town as binary glTF."""
+    data = town_scene(town).export(file_type="glb")
+    if not isinstance(data, bytes):
+        raise TypeError(f"expected bytes from the glb exporter, got {type(data).__name__}")
+    return data
+
+
+def is_whole_glb(path: Path) -> bool:
+    """Whether a file is there and as long as its header says; the rest is not read.
+
+    Khronos glTF 2.0, section 4.4.2: "glTF", version and length of the whole file, little-endian 32 bits each.
+    """
+    try:
+        with path.open("rb") as file:
+            header = file.read(12)
+        return header[:4] == b"glTF" and int.from_bytes(header[8:], "little") == path.stat().st_size
+    except FileNotFoundError:
+        return False
+
+
+def _geometry(mesh: Mesh, material: str) -> trimesh.Trimesh:
+    colour = [*COLOURS.get(material, (0.5, 0.5, 0.5)), 1.0]
+    look = PBRMaterial(
+        name=material,
+        baseColorFactor=colour,
+        metallicFactor=0.8 if material == "metal" else 0.0,
+        roughnessFactor=0.2 if material == "glass" else 0.8,
+    )
+    return trimesh.Trimesh(
+        vertices=mesh.vertices,
+        faces=mesh.faces.astype(np.int64),
+        visual=TextureVisuals(material=look),
+        process=False,
+    )
+
+
+def _pose(position: NDArray[np.float64], yaw_rad: float, scale: float) -> NDArray[np.float64]:
+    """Return the (4, 4) matrix that places a prototype."""
+    cos, sin = scale * np.cos(yaw_rad), scale * np.sin(yaw_rad)
+    x, y, z = position
+    return np.array([[cos, -sin, 0, x], [sin, cos, 0, y], [0, 0, scale, z], [0, 0, 0, 1.0]])

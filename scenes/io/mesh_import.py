@@ -1,0 +1,212 @@
+"""Meshes of other people's scenes: glb, gltf, obj and ply through trimesh, checked, in metres with z up.
+
+A part is what has one name and one material; the parts of one node of a glTF scene, or of one object of an
+obj file, share their object's name. Meshes are taken as they stand: nothing is merged, welded or repaired.
+"""
+
+import hashlib
+import io
+import json
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from trimesh.resolvers import FilePathResolver
+
+from echoscape.scenes.core.scene import Mesh
+from echoscape.scenes.io.strict_toml import SceneError
+from echoscape.scenes.io.wavefront import relabelled
+
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
+UPS = ("z", "y")
+FURTHEST_M = 10_000.0
+"""Vertices must be nearer to the origin than this: they are stored to about a millimetre there."""
+
+_log = logging.getLogger(__name__)
+_FLATTEST = 1e-9
+"""A triangle is degenerate when twice its area is below this share of its longest side squared."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshPart:
+    """One mesh of a file in the world: the object it belongs to, and the names that rules may know it by."""
+
+    owner: str
+    names: tuple[str, ...]
+    mesh: Mesh
+
+
+def default_up(path: Path) -> str:
+    """Return the axis that points up in files of this kind: y in glTF (2.0, section 3.4), z in others."""
+    return "y" if path.suffix.lower() in (".glb", ".gltf") else "z"
+
+
+def mesh_sha256(path: Path) -> str:
+    """Return the SHA-256 of a mesh file, and of the buffers that a .gltf file refers to, one after another.
+
+    Raises:
+        SceneError: the file, or one that it refers to, cannot be read.
+    """
+    _check_suffix(path)
+    digest = hashlib.sha256(_read(path))
+    if path.suffix.lower() == ".gltf":
+        for name in _buffers(path):
+            digest.update(_read(path.parent / name))
+    return digest.hexdigest()
+
+
+def read_parts(path: Path, *, up: str, scale: float) -> list[MeshPart]:
+    """Read the parts of a mesh file by name, scaled and with z up; `up` is the axis that points up in it.
+
+    Raises:
+        SceneError: it cannot be read, is cut short, holds no faces, or holds numbers that make no mesh; the
+            message names the file and the part.
+    """
+    _check_suffix(path)
+    turn = np.eye(4)
+    if up == "y":
+        turn[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    turn[:3, :3] *= scale
+    parts = list(_loaded(path, turn))
+    # Readers walk through nodes in no order of their own; instance ids must have one.
+    return sorted(parts, key=lambda part: (part.owner, part.names, part.mesh.vertices.tobytes()))
+
+
+def _check_suffix(path: Path) -> None:
+    if path.suffix.lower() not in SUFFIXES:
+        raise SceneError(f"{path}: meshes must be {', '.join(SUFFIXES)}, got {path.suffix or 'no suffix'}")
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def _buffers(path: Path) -> list[str]:
+    """Return the names of the files that hold the numbers of a .gltf file (glTF 2.0, section 5.10)."""
+    try:
+        buffers = json.loads(_read(path)).get("buffers", [])
+        uris = [str(buffer.get("uri", "")) for buffer in buffers]
+    except (ValueError, AttributeError) as error:
+        raise SceneError(f"{path}: not a whole glTF scene ({error})") from error
+    return [uri for uri in uris if uri and not uri.startswith("data:")]
+
+
+def _loaded(path: Path, turn: NDArray[np.float64]) -> Iterator[MeshPart]:
+    """Yield every mesh of the file, moved by its node's place and by `turn` (4, 4)."""
+    data, suffix = _read(path), path.suffix.lower()
+    labels: list[tuple[str, ...]] = []
+    if suffix == ".obj":
+        data, labels = relabelled(path, data)
+    scene = _scene(path, data)
+    if suffix == ".ply":
+        _check_ply(path, data, scene)
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if suffix == ".ply":
+            owner, names = path.stem, (path.stem,)
+        elif suffix == ".obj":
+            names = labels[int(str(name).removeprefix("part"))] if labels else (path.stem,)
+            owner = names[0]
+        else:
+            owner, names = _gltf_names(scene, str(node), str(name))
+        yield _part(path, owner, names, geometry, turn @ matrix)
+
+
+def _scene(path: Path, data: bytes) -> trimesh.Scene:
+    """Let trimesh read a file; whatever it stumbles over becomes one line."""
+    suffix = path.suffix.lower()
+    options: dict[str, Any] = {"split_objects": True} if suffix == ".obj" else {}
+    try:
+        scene = trimesh.load_scene(
+            io.BytesIO(data),
+            file_type=suffix[1:],
+            resolver=FilePathResolver(str(path)),
+            process=False,
+            **options,
+        )
+    except Exception as error:  # readers of broken files raise whatever their parsers do
+        raise SceneError(f"{path}: broken or cut short ({type(error).__name__}: {_line(error)})") from error
+    if not scene.geometry:
+        raise SceneError(f"{path}: no mesh in it")
+    return scene
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]
+
+
+def _gltf_names(scene: trimesh.Scene, node: str, geometry: str) -> tuple[str, tuple[str, ...]]:
+    """Return the object of a glTF node, and its names: object, mesh and material.
+
+    A mesh of several materials comes as a node for each, below the one that has the name.
+    """
+    mesh = scene.geometry[geometry]
+    owner = node
+    if mesh.metadata.get("from_gltf_primitive"):
+        owner = str(scene.graph.transforms.parents.get(node, node))
+    material = getattr(getattr(mesh.visual, "material", None), "name", None)
+    return owner, tuple(dict.fromkeys(str(name) for name in (owner, geometry, material) if name))
+
+
+def _part(
+    path: Path, owner: str, names: tuple[str, ...], geometry: object, matrix: NDArray[np.float64]
+) -> MeshPart:
+    """Check one mesh, move it, and leave out its degenerate faces."""
+    where = f"{path}: object {owner!r}"
+    if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
+        raise SceneError(f"{where} has no faces")
+    vertices, faces = np.asarray(geometry.vertices, np.float64), np.asarray(geometry.faces, np.int64)
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise SceneError(
+            f"{where}: a face names vertex {faces.max()} where there are {len(vertices)}, counted from 0"
+        )
+    if not np.isfinite(vertices).all() or not np.isfinite(matrix).all():
+        raise SceneError(f"{where}: a vertex or its place is not finite (NaN or infinite)")
+    vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    reach_m = np.abs(vertices[faces]).max()
+    if reach_m > FURTHEST_M:
+        raise SceneError(
+            f"{where} reaches {reach_m:.0f} m from the origin, further than {FURTHEST_M:.0f} m: "
+            "move the scene to its origin, or set scale"
+        )
+    vertices = vertices.astype(np.float32)
+    if np.linalg.det(matrix[:3, :3]) < 0:  # a mirrored node turns faces inside out
+        faces = faces[:, ::-1]
+    faces = faces[_proper(where, vertices[faces].astype(np.float64))]
+    used, place = np.unique(faces, return_inverse=True)
+    mesh = Mesh(vertices=vertices[used], faces=place.reshape(faces.shape).astype(np.uint32))
+    return MeshPart(owner=owner, names=names, mesh=mesh)
+
+
+def _proper(where: str, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which triangles (T, 3, 3) have an area; say how many have not."""
+    sides = np.roll(corners, -1, axis=1) - corners
+    longest = (sides**2).sum(axis=2).max(axis=1)
+    doubled = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    proper = doubled > _FLATTEST * longest
+    if not proper.any():
+        raise SceneError(f"{where} has only degenerate faces (no area)")
+    if not proper.all():
+        _log.warning("%s: %d degenerate faces left out", where, int((~proper).sum()))
+    return proper
+
+
+def _check_ply(path: Path, data: bytes, scene: trimesh.Scene) -> None:
+    """Refuse a ply file with fewer triangles than its header promises faces: it was cut short."""
+    promised = 0
+    for line in data.split(b"end_header", 1)[0].splitlines():
+        words = line.split()
+        if words[:2] == [b"element", b"face"] and len(words) == 3:
+            promised = int(words[2])
+    found = sum(len(getattr(mesh, "faces", ())) for mesh in scene.geometry.values())
+    if found < promised:
+        raise SceneError(f"{path}: broken or cut short ({promised} faces promised, {found} found)")

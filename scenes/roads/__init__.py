@@ -1,0 +1,1 @@
+"""Street networks: layout, junctions, lanes, and the ground they lie on."""

@@ -1,0 +1,277 @@
+"""Growing a street network: convex blocks of a chart split across their longer side until they are small.
+
+A new street keeps its distance from other junctions, or runs into one of them and makes it a crossing; every
+angle between streets is checked in the world, after the chart's bending.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from echoscape.scenes.geometry.curves import Line
+from echoscape.scenes.roads.street_network import Chart, Growth, Network, Street, StreetType, chart_street
+
+SMALLEST_ANGLE_RAD = np.deg2rad(56.0)
+
+
+def grown_network(growth: Growth, *, rng: np.random.Generator) -> Network:
+    """Return an irregular street network about the origin."""
+    chart = Chart(growth, rng=rng)
+    plan = _Plan(growth, chart)
+    _split_all(plan, growth, rng)
+    _remove_some(plan, growth, rng)
+    _add_spurs(plan, growth, rng)
+    return _network(plan, growth, rng)
+
+
+@dataclass(frozen=True)
+class _Hit:
+    """Where a new street meets a block's rim: at the corner `node`, or at `place` between two corners."""
+
+    place: Line
+    node: int | None
+    edge: tuple[int, int]
+
+
+class _Plan:
+    """Nodes, edges (with the number of the street they are of) and block rims, on the chart.
+
+    `depths` holds for each street how many splits came before its own; the rim is street 0.
+    """
+
+    def __init__(self, growth: Growth, chart: Chart) -> None:
+        self.chart = chart
+        self.growth = growth
+        self.nodes: list[Line] = list(_outline(growth))
+        count = len(self.nodes)
+        self.edges: dict[tuple[int, int], int] = {_key(i, (i + 1) % count): 0 for i in range(count)}
+        self.depths: list[int] = [1]
+        self.faces: list[list[int]] = [list(range(count))]
+
+    def world(self, first: Line, second: Line) -> Line:
+        """Return a coarse (9, 2) line of the street between two chart points."""
+        return self.chart(first + np.linspace(0, 1, 9)[:, None] * (second - first))
+
+    def length_m(self, first: Line, second: Line) -> float:
+        """Return the length in the world of the street between two chart points."""
+        return float(np.hypot(*np.diff(self.world(first, second), axis=0).T).sum())
+
+    def heading(self, node: Line, other: Line) -> float:
+        """Return the heading in the world of the street from `node` to `other`, at `node`."""
+        near = node + (other - node) * min(2.0 / float(np.linalg.norm(other - node)), 1.0)
+        x, y = self.chart(near) - self.chart(node)
+        return float(np.arctan2(y, x))
+
+    def neighbours(self, node: int) -> list[int]:
+        """Return the nodes that streets join to `node`."""
+        return [b if a == node else a for a, b in self.edges if node in (a, b)]
+
+    def fits(self, node: int, toward: Line, *, smallest_rad: float = SMALLEST_ANGLE_RAD) -> bool:
+        """Tell whether a street from `node` to `toward` keeps its angle from those already there."""
+        heading = self.heading(self.nodes[node], toward)
+        others = [self.heading(self.nodes[node], self.nodes[n]) for n in self.neighbours(node)]
+        return len(others) < 4 and all(_apart(heading, other) > smallest_rad for other in others)
+
+    def insert(self, edge: tuple[int, int], place: Line) -> int:
+        """Put a node at `place` on `edge` and return its number."""
+        node = len(self.nodes)
+        self.nodes.append(place)
+        street = self.edges.pop(_key(*edge))
+        self.edges[_key(edge[0], node)] = self.edges[_key(edge[1], node)] = street
+        for face in self.faces:
+            for i, corner in enumerate(face):
+                if {corner, face[(i + 1) % len(face)]} == set(edge):
+                    face.insert(i + 1, node)
+                    break
+        return node
+
+
+def _key(first: int, second: int) -> tuple[int, int]:
+    return min(first, second), max(first, second)
+
+
+def _apart(first: float, second: float) -> float:
+    return abs((first - second + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _outline(growth: Growth) -> Line:
+    """Return the (10, 2) corners of the town's rim, a superellipse."""
+    angle = np.linspace(0, 2 * np.pi, 10, endpoint=False) + 0.2
+    cos, sin = np.cos(angle), np.sin(angle)
+    radius = (np.abs(cos) ** 3.0 + np.abs(sin) ** 3.0) ** (-1 / 3.0)
+    return np.stack([cos, sin], axis=-1) * radius[:, None] * growth.half_size_m
+
+
+def _area(points: Line) -> float:
+    x, y = points.T
+    return float(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+def _split_all(plan: _Plan, growth: Growth, rng: np.random.Generator) -> None:
+    waiting = [(plan.faces[0], 0)]
+    while waiting:
+        face, depth = waiting.pop(0)
+        points = np.array([plan.nodes[n] for n in face])
+        if _area(points) < growth.block_m2 * rng.uniform(0.7, 2.6):
+            continue
+        for attempt in range(60):
+            halves = _split(plan, face, depth, attempt, rng)
+            if halves is not None:
+                waiting += [(half, depth + 1) for half in halves]
+                break
+
+
+def _split(
+    plan: _Plan, face: list[int], depth: int, attempt: int, rng: np.random.Generator
+) -> list[list[int]] | None:
+    """Split one block by a street, or return None where it would come too near to another.
+
+    Later attempts stray more from the middle and from the square.
+    """
+    points = np.array([plan.nodes[n] for n in face])
+    centre = points.mean(axis=0)
+    _, axes = np.linalg.eigh(np.cov((points - centre).T))
+    long, across = (axes[:, 1], axes[:, 0]) if attempt % 4 < 3 else (axes[:, 0], axes[:, 1])
+    stray = 0.15 * min(attempt / 30, 1.0)
+    reach = (points - centre) @ long
+    through = centre + long * (reach.min() + rng.uniform(0.36 - stray, 0.64 + stray) * np.ptp(reach))
+    angle = rng.normal(0.0, 0.16 + 2 * stray)
+    direction = across * np.cos(angle) + long * np.sin(angle)
+    hits = _crossings(plan, face, through, direction)
+    if len(hits) != 2:
+        return None
+    ends = [plan.nodes[h.node] if h.node is not None else h.place for h in hits]
+    if plan.length_m(ends[0], ends[1]) < plan.growth.shortest_m or not _acceptable(plan, hits, ends):
+        return None
+    first, second = (h.node if h.node is not None else plan.insert(h.edge, h.place) for h in hits)
+    i, j = sorted((face.index(first), face.index(second)))
+    halves = [face[i : j + 1], face[j:] + face[: i + 1]]
+    plan.faces.remove(face)
+    plan.faces += halves
+    plan.edges[_key(first, second)] = len(plan.depths)
+    plan.depths.append(depth)
+    return halves
+
+
+def _crossings(plan: _Plan, face: list[int], through: Line, direction: Line) -> list[_Hit]:
+    """Return where a line crosses the rim of a block, moved to a corner that is too near."""
+    hits: list[_Hit] = []
+    for a, b in zip(face, face[1:] + face[:1], strict=True):
+        first, second = plan.nodes[a], plan.nodes[b]
+        matrix = np.stack([second - first, -direction], axis=-1)
+        if abs(np.linalg.det(matrix)) < 1e-6:
+            continue
+        share = float(np.linalg.solve(matrix, through - first)[0])
+        if not 0.0 <= share < 1.0:
+            continue
+        place = first + share * (second - first)
+        near = [n for n in (a, b) if plan.length_m(plan.nodes[n], place) < plan.growth.shortest_m]
+        node = min(near, key=lambda n: float(np.linalg.norm(plan.nodes[n] - place))) if near else None
+        hits.append(_Hit(place, node, (a, b)))
+    return hits
+
+
+def _acceptable(plan: _Plan, hits: list[_Hit], ends: list[Line]) -> bool:
+    corners = [hit.node for hit in hits if hit.node is not None]
+    if len(corners) == 2 and (corners[0] == corners[1] or _key(*corners) in plan.edges):
+        return False
+    for i, hit in enumerate(hits):
+        toward = ends[-1 - i]
+        if hit.node is not None:
+            if not plan.fits(hit.node, toward):
+                return False
+        else:
+            heading = plan.heading(hit.place, toward)
+            rim = [plan.heading(hit.place, plan.nodes[n]) for n in hit.edge]
+            if any(_apart(heading, other) < SMALLEST_ANGLE_RAD for other in rim):
+                return False
+    return True
+
+
+def _remove_some(plan: _Plan, growth: Growth, rng: np.random.Generator) -> None:
+    """Take streets away that were made late, where three or more others meet at both ends."""
+    keys = sorted(plan.edges)
+    late = max(plan.depths) // 2
+    for index in rng.permutation(len(keys))[: int(growth.removed * 2 * len(keys))]:
+        edge = keys[index]
+        busy = all(len(plan.neighbours(n)) >= 4 for n in edge)
+        if busy and plan.depths[plan.edges[edge]] > late:
+            del plan.edges[edge]
+
+
+def _add_spurs(plan: _Plan, growth: Growth, rng: np.random.Generator) -> None:
+    """Lead dead ends from a long side of some blocks to their middle."""
+    for face in list(plan.faces):
+        if rng.random() >= growth.spurs:
+            continue
+        points = np.array([plan.nodes[n] for n in face])
+        sides = [(a, b) for a, b in zip(face, face[1:] + face[:1], strict=True) if _key(a, b) in plan.edges]
+        if not sides or _area(points) < 6000:
+            continue
+        side = max(sides, key=lambda s: plan.length_m(plan.nodes[s[0]], plan.nodes[s[1]]))
+        first, second = (plan.nodes[n] for n in side)
+        foot = first + rng.uniform(0.45, 0.55) * (second - first)
+        tip = points.mean(axis=0)
+        if _hit_is_free(plan, foot, side, tip):
+            node = plan.insert(side, foot)
+            plan.nodes.append(tip)
+            plan.edges[_key(node, len(plan.nodes) - 1)] = len(plan.depths)
+            plan.depths.append(99)
+
+
+def _hit_is_free(plan: _Plan, foot: Line, side: tuple[int, int], tip: Line) -> bool:
+    room = min(plan.length_m(foot, plan.nodes[n]) for n in side)
+    length = plan.length_m(foot, tip)
+    square = _acceptable(plan, [_Hit(foot, None, side)], [foot, tip]) if room > 0 else False
+    return room > plan.growth.shortest_m and 50.0 < length < 170.0 and square
+
+
+def _network(plan: _Plan, growth: Growth, rng: np.random.Generator) -> Network:
+    used = sorted({n for edge in plan.edges for n in edge})
+    number = {node: i for i, node in enumerate(used)}
+    types = [_type(depth, growth, rng) for depth in plan.depths]
+    streets = []
+    for (a, b), street in sorted(plan.edges.items()):
+        dead = len(plan.neighbours(b)) == 1 or len(plan.neighbours(a)) == 1
+        bow = 0.0 if dead else float(rng.uniform(-1, 1)) * growth.bow
+        line = chart_street(plan.chart, plan.nodes[a], plan.nodes[b], bow=bow)
+        streets.append(Street(start=number[a], end=number[b], line=line, type=types[street]))
+    junctions = plan.chart(np.array([plan.nodes[n] for n in used]))
+    network = Network(junctions=junctions, streets=tuple(streets))
+    return Network(
+        junctions=junctions, streets=network.streets, roundabouts=_roundabouts(network, growth.roundabouts)
+    )
+
+
+def _type(depth: int, growth: Growth, rng: np.random.Generator) -> StreetType:
+    """Return the type of a street made by the split of that depth: the first are the widest."""
+    if depth == 0:
+        return growth.types[0]
+    if depth <= 2:
+        return growth.types[1]
+    return growth.types[2:][int(rng.integers(len(growth.types) - 2))]
+
+
+def _roundabouts(network: Network, count: int) -> frozenset[int]:
+    """Return the junctions whose arms leave the most room, apart from each other."""
+    chosen: list[int] = []
+    rated = sorted(((_roominess(network, j), j) for j in range(len(network.junctions))), reverse=True)
+    for _, junction in rated:
+        place = network.junctions[junction]
+        if all(np.linalg.norm(place - network.junctions[c]) > 250.0 for c in chosen) and len(chosen) < count:
+            chosen.append(junction)
+    return frozenset(chosen)
+
+
+def _roominess(network: Network, junction: int) -> float:
+    """Rate a junction as the place of a roundabout: many arms, wide angles, long streets, near the middle."""
+    arms = network.arms(junction)
+    if len(arms) < 3:
+        return -1e6
+    lines = [network.streets[s].line if starts else network.streets[s].line[::-1] for s, starts in arms]
+    headings = sorted(float(np.arctan2(*(line[2] - line[0])[::-1])) for line in lines)
+    gap = min((b - a) % (2 * np.pi) for a, b in zip(headings, headings[1:] + headings[:1], strict=True))
+    shortest = min(network.streets[s].length_m for s, _ in arms)
+    wide = sum(network.streets[s].type.lanes > 1 for s, _ in arms)
+    room = min(shortest - 85.0, 0.0) * 0.2 + min(gap - np.deg2rad(72), 0.0) * 20
+    return room + 2.0 * len(arms) - 4.0 * wide - float(np.linalg.norm(network.junctions[junction])) / 300.0

@@ -1,0 +1,1 @@
+"""Procedural towns: land use, parcels, and what is placed in them."""

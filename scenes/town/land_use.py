@@ -1,0 +1,142 @@
+"""What stands on the blocks between streets: each gets a use, its sides get buildings, its middle the rest.
+
+One block near the middle is a square and one a park; sides along avenues are shops.
+"""
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from echoscape.scenes.geometry.curves import Line, points_at
+from echoscape.scenes.roads.ground_mesh import Ground, polygons
+from echoscape.scenes.roads.street_network import Network
+from echoscape.scenes.town import open_spaces as openland
+from echoscape.scenes.town.parcels import (
+    RULES,
+    Parcel,
+    bound_front,
+    bound_gardens,
+    build_along,
+    frontages,
+    plant,
+)
+from echoscape.scenes.town.placement import Assembly, Taken
+from echoscape.scenes.town.presets import Preset, Use
+
+_SMALLEST_M2 = 500.0
+
+
+def fill_blocks(
+    assembly: Assembly,
+    taken: Taken,
+    ground: Ground,
+    network: Network,
+    preset: Preset,
+    *,
+    seeds: np.random.SeedSequence,
+) -> dict[int, Use]:
+    """Build on every block and return the use of each, in the order of `blocks_of`."""
+    blocks = blocks_of(ground)
+    uses = _uses(blocks, network, preset, np.random.default_rng(seeds.spawn(1)[0]))
+    avenues = shapely.union_all(
+        [
+            shapely.LineString(street.line).buffer(street.type.half_width_m + street.type.pavement_m + 3)
+            for street in network.streets
+            if street.type.lanes > 1
+        ]
+    )
+    for number, child in enumerate(seeds.spawn(len(blocks))):
+        rng = np.random.default_rng(child)
+        if number in uses:
+            reach = shapely.maximum_inscribed_circle(blocks[number]).length
+            plot = Parcel(block=blocks[number], taken=taken, base_m=preset.kerb_height_m, reach_m=reach)
+            _fill(assembly, plot, uses[number], ground, avenues, preset, rng)
+    return uses
+
+
+def blocks_of(ground: Ground) -> list[Polygon]:
+    """Return the land between the streets, the largest block first."""
+    rest = polygons(ground.land.difference(ground.corridor))
+    return sorted(rest, key=lambda block: -block.area)
+
+
+def _uses(
+    blocks: list[Polygon], network: Network, preset: Preset, rng: np.random.Generator
+) -> dict[int, Use]:
+    """Choose a use for each block that is large enough; the outermost gets the most common one."""
+    middle = shapely.Point(network.junctions.mean(axis=0))
+    names: list[Use] = [use for use, _ in preset.uses]
+    weights = np.array([weight for _, weight in preset.uses])
+    uses: dict[int, Use] = {}
+    for number, block in enumerate(blocks):
+        drawn: Use = names[int(rng.choice(len(names), p=weights / weights.sum()))]
+        if block.area > _SMALLEST_M2:
+            uses[number] = names[0] if block.interiors else drawn
+
+    def nearest(low_m2: float, high_m2: float) -> list[int]:
+        fit = [n for n, b in enumerate(blocks) if low_m2 < b.area < high_m2 and not b.interiors]
+        return sorted(fit, key=lambda n: blocks[n].centroid.distance(middle))[:1]
+
+    centre: tuple[tuple[Use, float, float], ...] = (("square", 1500.0, 6000.0), ("park", 9000.0, 60000.0))
+    for use, low, high in centre:
+        for number in nearest(low, high):
+            uses[number] = use
+    return uses
+
+
+def _fill(
+    assembly: Assembly,
+    plot: Parcel,
+    use: Use,
+    ground: Ground,
+    avenues: BaseGeometry,
+    preset: Preset,
+    rng: np.random.Generator,
+) -> None:
+    """Build on one block."""
+    if use == "park":
+        openland.lay_park(assembly, plot, rng=rng)
+    elif use == "square":
+        openland.lay_square(assembly, plot, rng=rng)
+    elif use == "car_park":
+        openland.lay_car_park(assembly, plot, taken_share=0.8 * preset.parked, rng=rng)
+    elif use == "yard":
+        openland.lay_yard(assembly, plot, rng=rng)
+    else:
+        _build_up(assembly, plot, use, ground, avenues, rng)
+
+
+def _build_up(
+    assembly: Assembly,
+    plot: Parcel,
+    use: Use,
+    ground: Ground,
+    avenues: BaseGeometry,
+    rng: np.random.Generator,
+) -> None:
+    sides = sorted(frontages(plot.block, ground.corridor), key=lambda side: -len(side))
+    if plot.block.interiors:  # the town's edge: not all of it is built on
+        sides = [side for side in sides if rng.random() < 0.35]
+    kinds = [_side_use(side, use, avenues) for side in sides]
+    gardens: list[tuple[Polygon, str]] = []
+    for side, kind in zip(sides, kinds, strict=True):
+        gardens += [(g, kind) for g in build_along(assembly, side, RULES[kind], plot, rng=rng)]
+    for side, kind in zip(sides, kinds, strict=True):
+        bound_front(assembly, side, RULES[kind], plot, rng=rng)
+    for kind in dict.fromkeys(kinds):
+        mine = [garden for garden, other in gardens if other == kind]
+        bound_gardens(assembly, mine, RULES[kind], plot, rng=rng)
+    if use == "flats":
+        openland.lay_car_park(assembly, plot, taken_share=0.15, rng=rng, inset_m=24.0)
+    if use == "works":
+        openland.lay_yard(assembly, plot, rng=rng, density=0.5)
+    for garden, kind in gardens:
+        plant(assembly, garden, plot, chance=0.35 if kind == "houses" else 0.12, rng=rng)
+
+
+def _side_use(side: Line, use: Use, avenues: BaseGeometry) -> str:
+    """Return what lines a side: shops where it faces an avenue."""
+    middle = points_at(side, np.array([0.5 * np.hypot(*np.diff(side, axis=0).T).sum()]))[0]
+    on_avenue = not avenues.is_empty and avenues.contains(shapely.Point(middle))
+    return "shops" if on_avenue and use in ("terrace", "flats") else use

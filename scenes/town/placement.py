@@ -1,0 +1,127 @@
+"""Gathers the objects of a town: gives each its instance id, merges what stands still, lists what is placed.
+
+It also keeps the plan of what is taken, so that nothing is put where something stands already.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from echoscape.scenes.core.scene import CLASSES, Mesh, Placements, Prototype, StaticMesh
+
+_CELL_M = 12.0
+
+
+class Assembly:
+    """A town in the making."""
+
+    def __init__(self, prototypes: tuple[Prototype, ...]) -> None:
+        self.prototypes = prototypes
+        self._row = {prototype.name: row for row, prototype in enumerate(prototypes)}
+        self._classes: list[int] = [0]
+        self._made: dict[str, list[tuple[Mesh, int]]] = {}
+        self._placed: list[tuple[int, int, float, float, float, float, float]] = []
+
+    def __getitem__(self, name: str) -> Prototype:
+        return self.prototypes[self._row[name]]
+
+    def add(self, class_name: str, parts: Mapping[str, Mesh], *, base_m: float = 0.0) -> int:
+        """Add an object, material by material, raised by `base_m`, and return its instance id."""
+        instance = self._instance(class_name)
+        for material, mesh in parts.items():
+            lift = np.array([0.0, 0.0, base_m], dtype=np.float32)
+            lifted = Mesh(vertices=mesh.vertices + lift, faces=mesh.faces) if base_m else mesh
+            self._made.setdefault(material, []).append((lifted, instance))
+        return instance
+
+    def place(
+        self, name: str, place: NDArray[np.float64], *, base_m: float, yaw_rad: float, scale: float = 1.0
+    ) -> int:
+        """Put a prototype at `place` (2,) and return its instance id."""
+        instance = self._instance(self[name].class_name)
+        x, y = (float(value) for value in place)
+        self._placed.append((self._row[name], instance, x, y, base_m, float(yaw_rad), scale))
+        return instance
+
+    def _instance(self, class_name: str) -> int:
+        self._classes.append(CLASSES.index(class_name))
+        return len(self._classes) - 1
+
+    def static(self) -> dict[str, StaticMesh]:
+        """Return all static objects as one mesh a material."""
+        return {material: _merged(parts) for material, parts in sorted(self._made.items())}
+
+    def placements(self) -> Placements:
+        """Return where prototypes stand."""
+        rows = np.array(self._placed, dtype=np.float64).reshape(-1, 7)
+        return Placements(
+            prototype=rows[:, 0].astype(np.uint32),
+            instance=rows[:, 1].astype(np.uint32),
+            position=rows[:, 2:5].copy(),
+            yaw=rows[:, 5].copy(),
+            scale=rows[:, 6].copy(),
+        )
+
+    def instance_class(self) -> NDArray[np.uint8]:
+        """Return the class of every instance id."""
+        return np.array(self._classes, dtype=np.uint8)
+
+
+def _merged(parts: list[tuple[Mesh, int]]) -> StaticMesh:
+    offsets = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in parts[:-1]])
+    faces = [mesh.faces.astype(np.int64) + first for (mesh, _), first in zip(parts, offsets, strict=True)]
+    return StaticMesh(
+        vertices=np.concatenate([mesh.vertices for mesh, _ in parts]).astype(np.float32),
+        faces=np.concatenate(faces).astype(np.uint32),
+        instance=np.repeat(
+            np.array([instance for _, instance in parts], dtype=np.uint32),
+            [len(mesh.faces) for mesh, _ in parts],
+        ),
+    )
+
+
+class Taken:
+    """The plan of what stands where: polygons in a grid of cells."""
+
+    def __init__(self) -> None:
+        self._cells: dict[tuple[int, int], list[BaseGeometry]] = {}
+
+    def add(self, shape: BaseGeometry) -> None:
+        """Note that `shape` is taken."""
+        for cell in _cells(shape):
+            self._cells.setdefault(cell, []).append(shape)
+
+    def near(self, shape: BaseGeometry) -> list[BaseGeometry]:
+        """Return what is taken in the cells that `shape` touches."""
+        found = {id(other): other for cell in _cells(shape) for other in self._cells.get(cell, ())}
+        return list(found.values())
+
+    def is_free(self, shape: BaseGeometry) -> bool:
+        """Tell whether nothing stands on `shape`."""
+        others = self.near(shape)
+        return not others or not bool(np.any(shapely.intersects(shape, others)))
+
+    def claim(self, shape: BaseGeometry) -> bool:
+        """Take `shape` if it is free, and tell whether it was."""
+        free = self.is_free(shape)
+        if free:
+            self.add(shape)
+        return free
+
+
+def _cells(shape: BaseGeometry) -> list[tuple[int, int]]:
+    x0, y0, x1, y1 = (int(np.floor(value / _CELL_M)) for value in shape.bounds)
+    return [(x, y) for x in range(x0, x1 + 1) for y in range(y0, y1 + 1)]
+
+
+def rectangle(centre: NDArray[np.float64], yaw_rad: float, length_m: float, width_m: float) -> Polygon:
+    """Return a rectangle about `centre` (2,), `length_m` along `yaw_rad`."""
+    along = np.array([np.cos(yaw_rad), np.sin(yaw_rad)]) * length_m / 2
+    aside = np.array([-np.sin(yaw_rad), np.cos(yaw_rad)]) * width_m / 2
+    return Polygon(
+        [centre - along - aside, centre + along - aside, centre + along + aside, centre - along + aside]
+    )

@@ -1,0 +1,200 @@
+"""What stands along streets: lamp posts, trees, signs, bins, shelters and bollards, and vehicles at the kerb.
+
+Furniture stands in a strip of some 0.7 m at the kerb and people walk between it and the facades (furniture
+and through zone of the NACTO Urban Street Design Guide, 2013); vehicles stand in the parking strip, at least
+0.3 m from the lane.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from echoscape.scenes.core.scene import Prototype
+from echoscape.scenes.geometry.curves import Line, arc_length, headings, left_normals, part, points_at
+from echoscape.scenes.roads.ground_mesh import Ground
+from echoscape.scenes.roads.junctions import Room
+from echoscape.scenes.roads.street_network import Network, Street
+from echoscape.scenes.town.placement import Assembly, Taken, rectangle
+from echoscape.scenes.town.presets import Preset
+
+_LANE_GAP_M = 0.35
+_KERB_GAP_M = 0.1
+_HEAD_M = 2.0
+_CAR_SHARES = {
+    "car_hatchback": 0.32,
+    "car_saloon": 0.2,
+    "car_estate": 0.16,
+    "car_suv": 0.2,
+    "van_small": 0.07,
+    "van_panel": 0.05,
+}
+
+
+def dress_streets(
+    assembly: Assembly,
+    taken: Taken,
+    network: Network,
+    room: Room,
+    ground: Ground,
+    preset: Preset,
+    *,
+    seeds: np.random.SeedSequence,
+) -> None:
+    """Put furniture and parked vehicles along every street."""
+    shapely.prepare(ground.carriageway)
+    feet = {prototype.name: foot_of(prototype) for prototype in assembly.prototypes}
+    for street, cut, child in zip(network.streets, room, seeds.spawn(len(network.streets)), strict=True):
+        rng = np.random.default_rng(child)
+        line = part(street.line, cut[0], street.length_m - cut[1])
+        if street.type.pavement_m > 0:
+            for side in (line[::-1], line):  # to the right of travel in both directions
+                walk = Pavement(assembly, taken, street, side, ground, feet, preset.kerb_height_m, rng)
+                walk.signs()
+                walk.shelter()
+                walk.lamps(preset.lamps_m)
+                walk.trees(preset.street_trees)
+                walk.bins()
+            _park(assembly, taken, street, line, preset, rng)
+
+
+class Foot(NamedTuple):
+    """What of a prototype is no higher than a head, from `low_m` to `high_m` (2,) in its own frame."""
+
+    low_m: NDArray[np.float64]
+    high_m: NDArray[np.float64]
+
+
+def foot_of(prototype: Prototype) -> Foot:
+    """Return the foot of a prototype: of a lamp its pole without the arm, of a tree its trunk."""
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in prototype.parts.values()])
+    low = corners[corners[..., 2].min(axis=1) < _HEAD_M][..., :2].reshape(-1, 2).astype(np.float64)
+    return Foot(low.min(axis=0), low.max(axis=0))
+
+
+class Pavement:
+    """One side of a street in the making: `line` is the street's middle, the pavement to its right."""
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        taken: Taken,
+        street: Street,
+        line: Line,
+        ground: Ground,
+        feet: dict[str, Foot],
+        base_m: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._assembly, self._taken, self._base_m, self._rng = assembly, taken, base_m, rng
+        self._type, self._carriageway, self._feet = street.type, ground.carriageway, feet
+        self._line, self._along = line, arc_length(line)
+        self._normal, self._heading = left_normals(line), headings(line)
+        self.length_m = float(self._along[-1])
+
+    def stand(
+        self, name: str, distance_m: float, from_kerb_m: float, *, turn_rad: float, scale: float = 1.0
+    ) -> bool:
+        """Put something, its foot's middle `from_kerb_m` behind the kerb, turned from traffic's direction.
+
+        Nothing is put on the carriageway or where something stands or people walk; tells whether it was put.
+        """
+        normal = np.array([np.interp(distance_m, self._along, self._normal[:, axis]) for axis in range(2)])
+        at = points_at(self._line, np.array([distance_m]))[0]
+        middle = at - normal * (self._type.half_width_m + from_kerb_m)
+        yaw = float(np.interp(distance_m, self._along, self._heading)) + turn_rad
+        foot = self._feet[name]
+        ahead = np.array([np.cos(yaw), np.sin(yaw)])
+        aside = np.array([-ahead[1], ahead[0]])
+        x, y = scale * (foot.low_m + foot.high_m) / 2
+        length, width = scale * (foot.high_m - foot.low_m)
+        shape = rectangle(middle, yaw, length, width)
+        free = not shapely.dwithin(self._carriageway, shape, _KERB_GAP_M) and self._taken.claim(shape)
+        if free:
+            self._assembly.place(
+                name, middle - x * ahead - y * aside, base_m=self._base_m, yaw_rad=yaw, scale=scale
+            )
+        return free
+
+    def lamps(self, spacing_m: float) -> None:
+        """Stand lamp posts, their arms over the road."""
+        name = "lamp_lantern" if self._type.name == "narrow" else "lamp_arm"
+        first = self._rng.uniform(0.0, spacing_m)
+        for distance in np.arange(first, self.length_m, spacing_m):
+            self.stand(name, float(distance), 0.45, turn_rad=np.pi / 2)
+
+    def trees(self, share: float) -> None:
+        """Plant street trees where the pavement is wide enough."""
+        if self._type.pavement_m < 2.2 or self._rng.random() > 0.45:
+            return
+        for distance in np.arange(self._rng.uniform(3.0, 9.0), self.length_m - 3.0, 11.0):
+            if self._rng.random() < share:
+                self.stand(
+                    "tree_street",
+                    float(distance),
+                    0.45,
+                    turn_rad=float(self._rng.uniform(0, 6.28)),
+                    scale=float(self._rng.uniform(1.1, 1.5)),
+                )
+
+    def signs(self) -> None:
+        """Stand a sign before the junction that traffic on this side comes to, and lights on avenues."""
+        if self.length_m < 15.0:
+            return
+        name = str(self._rng.choice(["sign_round", "sign_triangle", "sign_rectangle"]))
+        if self._type.lanes > 1:
+            self._stand_before(0.5, "traffic_light")
+        self._stand_before(3.0, name)
+        if self._rng.random() < 0.25:
+            for step in range(4):
+                self.stand("bollard_concrete", 0.5 + 1.6 * step, 0.4, turn_rad=0.0)
+
+    def _stand_before(self, distance_m: float, name: str) -> None:
+        """Stand a sign `distance_m` before the end, or where the kerb is straight before that."""
+        for back in (0.0, 2.0, 4.0, 6.0):
+            if self.stand(name, self.length_m - distance_m - back, 0.5, turn_rad=np.pi):
+                return
+
+    def shelter(self) -> None:
+        """Stand a bus shelter on a wide pavement."""
+        if self._type.pavement_m > 3.5 and self.length_m > 60.0 and self._rng.random() < 0.5:
+            distance = float(self._rng.uniform(0.6, 0.8)) * self.length_m
+            self.stand("bus_shelter", distance, 3.2, turn_rad=np.pi / 2)
+
+    def bins(self) -> None:
+        """Stand a litter bin now and then, and bins put out at the kerb for collection."""
+        for distance in np.arange(self._rng.uniform(5.0, 30.0), self.length_m - 4.0, 34.0):
+            if self._rng.random() < 0.3:
+                self.stand("bin_round", float(distance), 0.43, turn_rad=0.0)
+            elif self._rng.random() < 0.3:
+                self.stand("bin_wheeled", float(distance), 0.43, turn_rad=0.0)
+
+
+def _park(
+    assembly: Assembly, taken: Taken, street: Street, line: Line, preset: Preset, rng: np.random.Generator
+) -> None:
+    """Park vehicles at both kerbs, most with the traffic of their side."""
+    kind = street.type
+    if kind.parking_m <= 0 or preset.parked <= 0:
+        return
+    trucks = kind.parking_m > 3.0
+    names = [*_CAR_SHARES, "truck_box", "truck_flatbed"]
+    share = preset.trucks if trucks else 0.0
+    odds = np.array([*(np.array(list(_CAR_SHARES.values())) * (1 - share)), 0.6 * share, 0.4 * share])
+    for side in (line[::-1], line):
+        along, normal, heading = arc_length(side), left_normals(side), headings(side)
+        place_m = 6.0 + rng.uniform(0.0, 4.0)
+        density = preset.parked * rng.uniform(0.4, 1.3)
+        while place_m < along[-1] - 12.0:
+            name = str(rng.choice(names, p=odds / odds.sum()))
+            length, width, _ = assembly[name].extent_m
+            middle = place_m + length / 2
+            if rng.random() < density and middle + length / 2 < along[-1] - 5.0:
+                aside = kind.lane_edge_m + _LANE_GAP_M + width / 2 + rng.uniform(0.0, 0.1)
+                left = np.array([np.interp(middle, along, normal[:, axis]) for axis in range(2)])
+                place = points_at(side, np.array([middle]))[0] - aside * left
+                yaw = float(np.interp(middle, along, heading)) + np.pi * (rng.random() < 0.15)
+                if taken.claim(rectangle(place, yaw, length + 0.3, width)):
+                    assembly.place(name, place, base_m=0.0, yaw_rad=yaw)
+            place_m += length + rng.uniform(0.5, 1.6)

@@ -1,0 +1,1 @@
+"""Other road users: vehicles, pedestrians, right of way."""

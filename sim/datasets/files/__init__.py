@@ -1,0 +1,1 @@
+"""File formats: written whole or not at all, and checked when read."""

@@ -1,0 +1,56 @@
+"""Arrays by name as a NumPy archive that `numpy.load` opens: the same bytes for the same arrays.
+
+Entries are dated 1980, as zip archives without a clock are, and compressed by deflate.
+"""
+
+import io
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.sim.datasets.files.atomic_write import DatasetError
+
+
+def archive_bytes(arrays: Mapping[str, NDArray], *, level: int) -> bytes:
+    """Return arrays as the bytes of an .npz archive, in their order, deflated at `level` (0 to 9)."""
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as entries:
+        for name, array in arrays.items():
+            entry = io.BytesIO()
+            np.lib.format.write_array(entry, np.ascontiguousarray(array).reshape(array.shape), version=(1, 0))
+            info = zipfile.ZipInfo(f"{name}.npy")  # dated 1980-01-01 unless told otherwise
+            entries.writestr(info, entry.getbuffer(), zipfile.ZIP_DEFLATED, level)
+    return archive.getvalue()
+
+
+def ends_as_archive(path: Path) -> bool:
+    """Whether a file is there and has an archive's directory, which is its end; the rest is not read."""
+    try:
+        with zipfile.ZipFile(path):
+            return True
+    except (FileNotFoundError, zipfile.BadZipFile):
+        return False
+
+
+def read_archive(path: Path, names: tuple[str, ...], *, kind: str) -> dict[str, NDArray]:
+    """Read only the arrays `names` from the archive in `path`; the rest is not unpacked.
+
+    Raises:
+        DatasetError: the file is absent, damaged, or lacks an array; the message names it and `kind`.
+    """
+    if not path.is_file():
+        raise DatasetError(f"{path}: no such {kind}")
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            lacking = [name for name in names if name not in archive]
+            if lacking:
+                raise DatasetError(f"{path}: a {kind} without {', '.join(lacking)}")
+            return {name: archive[name] for name in names}
+    except DatasetError:
+        raise
+    except (OSError, ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+        raise DatasetError(f"{path}: not a whole {kind} ({error})") from error

@@ -1,0 +1,94 @@
+"""Who moves and where, as two small tables: movers.csv (what they are) and tracks.csv (where they are).
+
+World frame, z up, yaw counter-clockwise from world x; times on the clock of the scans' time stamps. The car
+that carries the radar is instance 0 in tracks.csv.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.scenes.core.scene import Mover
+from echoscape.scenes.core.trajectory import Trajectory
+from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text
+from echoscape.sim.datasets.polar_scan import EPOCH_US
+
+MOVER_COLUMNS = "instance,class,prototype,length_m,width_m,height_m"
+TRACK_COLUMNS = "timestamp_us,instance,x_m,y_m,z_m,yaw_rad,vx_mps,vy_mps,yaw_rate_rps"
+
+
+def movers_csv(movers: Sequence[Mover]) -> str:
+    """Return movers.csv: a row a mover."""
+    rows = [
+        f"{mover.instance},{mover.prototype.class_name},{mover.prototype.name},"
+        + ",".join(f"{value:.3f}" for value in mover.prototype.extent_m)
+        for mover in movers
+    ]
+    return "\n".join([MOVER_COLUMNS, *rows]) + "\n"
+
+
+def tracks_csv(car: Trajectory, movers: Sequence[Mover], times_s: NDArray[np.float64]) -> str:
+    """Return tracks.csv: the poses and velocities of the car and the movers at `times_s` (T,) [s], by time.
+
+    A pose is that of the middle of the box on the ground; to a millimetre and a tenth of a milliradian.
+    """
+    tracks = {0: car} | {mover.instance: mover.track for mover in movers}
+    states = [
+        np.hstack([track.pose(times_s), track.velocity(times_s)[:, [0, 1, 3]]]) for track in tracks.values()
+    ]
+    lines = [TRACK_COLUMNS]
+    for i, time_s in enumerate(times_s):
+        stamp = EPOCH_US + round(float(time_s) * 1e6)
+        for instance, state in zip(tracks, states, strict=True):
+            x, y, z, yaw, *rates = state[i] + 0.0
+            rate = ",".join(f"{value:.4f}" for value in rates)
+            lines.append(f"{stamp},{instance},{x:.3f},{y:.3f},{z:.3f},{yaw:.4f},{rate}")
+    return "\n".join(lines) + "\n"
+
+
+def ends_as_table(path: Path) -> bool:
+    """Whether a file is there and ends with a line's end, as a table does; so does one cut between lines."""
+    try:
+        return path.read_bytes().endswith(b"\n")
+    except FileNotFoundError:
+        return False
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarTrack:
+    """The car's velocity as tracks.csv has it.
+
+    time_us (T,) int64 [us]; rate (T, 3): vx, vy [m/s] in the world and yaw rate [rad/s], counter-clockwise.
+    """
+
+    time_us: NDArray[np.int64]
+    rate: NDArray[np.float64]
+
+    def velocity(self, stamps_us: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return vx, vy [m/s] and yaw rate [rad/s] (N, 3) at `stamps_us` (N,), linear between the rows."""
+        clock = (self.time_us - self.time_us[0]).astype(np.float64)
+        ask = (stamps_us - self.time_us[0]).astype(np.float64)
+        return np.stack([np.interp(ask, clock, column) for column in self.rate.T], axis=1)
+
+
+def read_car_track(path: Path) -> CarTrack:
+    """Read the car's rows (instance 0) of a tracks.csv.
+
+    Raises:
+        DatasetError: the file is absent, has another header, or has no sensible row of the car.
+    """
+    lines = read_text(path).splitlines()
+    if not lines or lines[0] != TRACK_COLUMNS:
+        raise DatasetError(f"{path}: the header is not {TRACK_COLUMNS}")
+    rows = [words for words in (line.split(",") for line in lines[1:]) if words[1:2] == ["0"]]
+    if not rows:
+        raise DatasetError(f"{path}: no row of the car, instance 0")
+    try:
+        times = np.array([int(words[0]) for words in rows], np.int64)
+        rates = np.array([[float(word) for word in words[6:9]] for words in rows]).reshape(-1, 3)
+    except ValueError as error:
+        raise DatasetError(f"{path}: a row of the car is no row of a track ({error})") from error
+    return CarTrack(time_us=times, rate=rates)

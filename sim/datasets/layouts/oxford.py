@@ -1,0 +1,201 @@
+"""The folder of the Oxford Radar RobotCar data set: its scans, their times, and the motion between them.
+
+Barnes et al., "The Oxford Radar RobotCar Dataset", ICRA 2020, and the files and loaders published with it.
+docs/conventions.md says how its axes and times relate to ours.
+"""
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, write_whole
+from echoscape.sim.datasets.files.navtech_png import read_png as read_png
+from echoscape.sim.datasets.files.navtech_png import write_png as write_png
+from echoscape.sim.datasets.layouts.layout import Layout, ScanRecord
+from echoscape.sim.sensor.sensor import Sensor
+
+ODOMETRY_HEADER = (
+    "source_timestamp",
+    "destination_timestamp",
+    "x",
+    "y",
+    "z",
+    "roll",
+    "pitch",
+    "yaw",
+    "source_radar_timestamp",
+    "destination_radar_timestamp",
+)
+
+# ---------------------------------------------------------------------- time stamps
+
+
+def write_timestamps(path: Path, stamps_us: Sequence[int]) -> None:
+    """Write `radar.timestamps`: the time of each scan's first row, which names its file, and 1 for valid."""
+    write_whole(path, "".join(f"{stamp} 1\n" for stamp in stamps_us).encode())
+
+
+def read_timestamps(path: Path) -> list[int]:
+    """Return the time stamps in `radar.timestamps` [us].
+
+    Raises:
+        DatasetError: the file is absent or a line of it is no `<timestamp> <valid>`; the message names both.
+    """
+    stamps = []
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        words = line.split()
+        if len(words) != 2 or not all(word.isdecimal() for word in words):
+            raise DatasetError(f"{path}: line {number} is no '<timestamp> <valid>': {line!r}")
+        stamps.append(int(words[0]))
+    return stamps
+
+
+# ---------------------------------------------------------------------- the motion between scans
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryRow:
+    """The pose of the later frame (source) in the earlier one's (destination), mid-scan to mid-scan.
+
+    x forward, y right, z down [m]; yaw clockwise seen from above [rad]. Times are mid-scan [us], those of
+    `_radar_us` name the files [us].
+    """
+
+    source_us: int
+    destination_us: int
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+    source_radar_us: int
+    destination_radar_us: int
+
+
+def relative_pose(
+    earlier: NDArray[np.float64], later: NDArray[np.float64]
+) -> tuple[float, float, float, float]:
+    """Return x, y, z [m] and yaw [rad] in Oxford axes of the pose `later` seen from the pose `earlier`.
+
+    Both (4,): x, y, z [m] and yaw [rad] in the world, which has z up and yaw counter-clockwise.
+    """
+    east, north, up, turn = (float(value) for value in np.asarray(later) - np.asarray(earlier))
+    cosine, sine = math.cos(earlier[3]), math.sin(earlier[3])
+    forward, left = cosine * east + sine * north, cosine * north - sine * east
+    yaw = math.remainder(-turn, 2 * math.pi)
+    return forward + 0.0, 0.0 - left, 0.0 - up, yaw + 0.0
+
+
+def write_odometry(path: Path, rows: Sequence[OdometryRow]) -> None:
+    """Write `gt/radar_odometry.csv` with the data set's header and six decimals."""
+    lines = [",".join(ODOMETRY_HEADER)]
+    for row in rows:
+        motion = ",".join(f"{value:.6f}" for value in (row.x, row.y, row.z, row.roll, row.pitch, row.yaw))
+        files = f"{row.source_radar_us},{row.destination_radar_us}"
+        lines.append(f"{row.source_us},{row.destination_us},{motion},{files}")
+    write_whole(path, ("\n".join(lines) + "\n").encode())
+
+
+def read_odometry(path: Path) -> list[OdometryRow]:
+    """Return the rows of a `radar_odometry.csv`.
+
+    Raises:
+        DatasetError: the file is absent, has another header, or a row is no motion; the message names both.
+    """
+    lines = list(csv.reader(read_text(path).splitlines()))
+    if not lines or tuple(lines[0]) != ODOMETRY_HEADER:
+        raise DatasetError(f"{path}: the header is not {','.join(ODOMETRY_HEADER)}")
+    rows = []
+    for number, words in enumerate(lines[1:], 2):
+        try:
+            times = [int(word) for word in (*words[:2], *words[8:])]
+            x, y, z, roll, pitch, yaw = (float(word) for word in words[2:8])
+            source, destination, source_radar, destination_radar = times
+        except ValueError as error:
+            raise DatasetError(f"{path}: line {number} is no row of odometry ({error})") from error
+        rows.append(
+            OdometryRow(
+                source_us=source,
+                destination_us=destination,
+                x=x,
+                y=y,
+                z=z,
+                roll=roll,
+                pitch=pitch,
+                yaw=yaw,
+                source_radar_us=source_radar,
+                destination_radar_us=destination_radar,
+            )
+        )
+    return rows
+
+
+# ---------------------------------------------------------------------- the folder
+
+
+class Oxford(Layout):
+    """`radar/<time of the first row, us>.png`, `radar.timestamps`, `gt/radar_odometry.csv`."""
+
+    name = "oxford"
+    scans_folders = ("radar",)
+    other_folders = ("gt",)
+
+    def stem(self, row_us: NDArray[np.int64]) -> str:
+        """Return the time of the first row [us]."""
+        return str(row_us[0])
+
+    def write_motion(self, folder: Path, records: Sequence[ScanRecord], sensor: Sensor) -> None:
+        """Write `radar.timestamps` and the odometry from scan to scan."""
+        rows = [_odometry_row(*pair) for pair in pairwise(records)]
+        write_odometry(folder / "gt" / "radar_odometry.csv", rows)
+        write_timestamps(folder / "radar.timestamps", [int(record.stem) for record in records])
+
+    def read_poses(self, folder: Path, stems: Sequence[str], sensor: Sensor) -> NDArray[np.float64] | None:
+        """Chain the odometry: poses (N, 4) in a world in which the first scan that has any stands at 0.
+
+        The chain ends where a pair of successive scans has no row: from there on poses are NaN.
+        """
+        path = folder / "gt" / "radar_odometry.csv"
+        if not path.is_file():
+            return None
+        rows = {(str(row.destination_radar_us), str(row.source_radar_us)): row for row in read_odometry(path)}
+        poses = np.full((len(stems), 4), np.nan)
+        pairs = list(pairwise(stems))
+        first = next((i for i, pair in enumerate(pairs) if pair in rows), len(pairs))
+        poses[first : first + 1] = 0.0
+        for i, pair in enumerate(pairs[first:], first):
+            if pair not in rows:
+                break
+            poses[i + 1] = _moved(poses[i], rows[pair])
+        return poses if pairs[first:] else np.full_like(poses, np.nan)
+
+
+def _odometry_row(earlier: ScanRecord, later: ScanRecord) -> OdometryRow:
+    """Return the motion from one scan to the next."""
+    x, y, z, yaw = relative_pose(earlier.middle_pose, later.middle_pose)
+    return OdometryRow(
+        source_us=later.middle_us,
+        destination_us=earlier.middle_us,
+        x=x,
+        y=y,
+        z=z,
+        roll=0.0,
+        pitch=0.0,
+        yaw=yaw,
+        source_radar_us=int(later.stem),
+        destination_radar_us=int(earlier.stem),
+    )
+
+
+def _moved(pose: NDArray[np.float64], row: OdometryRow) -> NDArray[np.float64]:
+    """Return the pose (4,) after the motion `row` from `pose`: the inverse of `relative_pose`."""
+    cosine, sine = math.cos(pose[3]), math.sin(pose[3])
+    step = (cosine * row.x + sine * row.y, sine * row.x - cosine * row.y, -row.z, -row.yaw)
+    return pose + np.array(step)

@@ -1,0 +1,227 @@
+"""Folders of scans, real or simulated: Oxford, MulRan, Boreas and Boreas-RT, read as the same `PolarScan`.
+
+A folder of ours says in echoscape.json what it is; a real one is recognised by its files, the width of its
+first picture and the unit of its time stamps (docs/conventions.md). Pictures are read when asked for.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.sim.datasets.beat_signal import BeatSignal
+from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.files.beat_npz import read_beat
+from echoscape.sim.datasets.files.metadata import FILE_NAME, read_manifest, sensor_of
+from echoscape.sim.datasets.files.navtech_png import HEADER_COLUMNS, grey_pixels, row_ticks
+from echoscape.sim.datasets.files.truth_npz import read_truth
+from echoscape.sim.datasets.layouts.boreas import RT_OFFSET_M, UPDATED_BIN_M, UPDATED_US
+from echoscape.sim.datasets.layouts.layout import Layout
+from echoscape.sim.datasets.layouts.oxford import relative_pose
+from echoscape.sim.datasets.layouts.registry import LAYOUTS, layout_named, layout_of
+from echoscape.sim.datasets.polar_scan import PolarScan, ScanTruth
+from echoscape.sim.sensor.registry import SENSORS
+from echoscape.sim.sensor.sensor import Sensor
+
+_YEAR_2100_US = 4_102_444_800_000_000
+_SHORTEST_TIME = 13
+"""Digits from which a picture's name is a time and not a running number."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanFolder:
+    """A folder of scans: `len`, iteration and `read` give them in the order of time.
+
+    folder: the data set's; layout, sensor: what it was recognised as; paths: of its pictures; simulated:
+    whether it is one of ours, with truth; range_offset_m: what to add to the ranges of its bins (k + 1/2)
+    bin_m for true ranges.
+    """
+
+    folder: Path
+    layout: Layout
+    sensor: Sensor
+    paths: tuple[Path, ...]
+    simulated: bool
+    range_offset_m: float = 0.0
+
+    def __len__(self) -> int:
+        """Return the number of scans."""
+        return len(self.paths)
+
+    def __iter__(self) -> Iterator[PolarScan]:
+        """Read one scan after the other."""
+        return (self.read(index) for index in range(len(self)))
+
+    def read(self, index: int) -> PolarScan:
+        """Read scan `index`, without its truth.
+
+        Raises:
+            ValueError: there is no such scan.
+            DatasetError: its file is cut short or of another width; the message names it.
+        """
+        return self.layout.read_scan(self._path(index), self.sensor)
+
+    def truth(self, index: int) -> ScanTruth | None:
+        """Read the truth of scan `index`; None in a folder that is not ours."""
+        path = self._path(index)
+        return read_truth(self.folder / "truth" / f"{path.stem}.npz") if self.simulated else None
+
+    def beat(self, index: int) -> BeatSignal | None:
+        """Read the beat signal of scan `index`; None where none was kept."""
+        path = self.folder / "beat" / f"{self._path(index).stem}.npz"
+        return read_beat(path, sensor=self.sensor) if path.parent.is_dir() else None
+
+    def _path(self, index: int) -> Path:
+        if not 0 <= index < len(self):
+            raise ValueError(f"index must be between 0 and {len(self) - 1}, got {index}")
+        return self.paths[index]
+
+    @cached_property
+    def stems(self) -> tuple[str, ...]:
+        """What the layout calls each scan: the name of its file, or if that is no time, as it would be."""
+        if all(_is_time(path.stem) for path in self.paths):
+            return tuple(path.stem for path in self.paths)
+        return tuple(self.layout.stem(scan.timestamp_us) for scan in self)
+
+    @property
+    def timestamps_us(self) -> NDArray[np.int64]:
+        """Times (N,) that name the scans [us]: of the first row (Oxford), last (MulRan), middle (Boreas)."""
+        return np.array([self.layout.time_us(stem) for stem in self.stems], np.int64)
+
+    def poses(self) -> NDArray[np.float64] | None:
+        """Return the poses (N, 4) of the car at mid-scan, x, y, z [m], yaw [rad], or None if none are told.
+
+        World axes, z up, yaw counter-clockwise; for Oxford the world of the first scan. NaN where a scan has
+        no pose.
+
+        Raises:
+            DatasetError: a file of poses is not what it should be; the message names it.
+        """
+        return self.layout.read_poses(self.folder, self.stems, self.sensor)
+
+    def motion(self) -> NDArray[np.float64] | None:
+        """Return the motion (N - 1, 4) from each scan to the next, or None: x, y, z [m], yaw [rad].
+
+        The pose of the later in the earlier one's frame, Oxford axes: x forward, y right, z down, yaw
+        clockwise.
+        """
+        poses = self.poses()
+        if poses is None:
+            return None
+        return np.array([relative_pose(*pair) for pair in pairwise(poses)]).reshape(-1, 4)
+
+
+def open_folder(folder: Path | str, *, layout: str | None = None, sensor: Sensor | None = None) -> ScanFolder:
+    """Open a folder of scans; `layout` and `sensor` are recognised unless they are given.
+
+    Raises:
+        DatasetError: it is no folder, has no scans, or cannot be recognised; the message names it.
+        ValueError: there is no layout of that name.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise DatasetError(f"{folder}: no such folder")
+    wanted = None if layout is None else layout_named(layout)
+    simulated = (folder / FILE_NAME).is_file()
+    if simulated:
+        content = read_manifest(folder)
+        wanted, sensor = wanted or layout_of(content), sensor or sensor_of(content)
+    found, place = _scans_folder(folder, wanted)
+    paths = _pictures(place)
+    image = grey_pixels(paths[0])
+    wanted = wanted or found or _layout_by_first(image)
+    offset_m = 0.0
+    if sensor is None:
+        sensor = _sensor_by_first(paths[0], image, wanted)
+        if sensor.bins == SENSORS["cir304_rt"].bins:
+            offset_m = RT_OFFSET_M - sensor.bin_m / 2
+    return ScanFolder(
+        folder=folder,
+        layout=wanted,
+        sensor=sensor,
+        paths=paths,
+        simulated=simulated,
+        range_offset_m=offset_m,
+    )
+
+
+def _scans_folder(folder: Path, wanted: Layout | None) -> tuple[Layout | None, Path]:
+    """Return where the pictures lie, and the layout if the names of the folders tell it."""
+    candidates = LAYOUTS.values() if wanted is None else (wanted,)
+    for each in candidates:
+        for name in each.scans_folders:
+            if (folder / name).is_dir() and any((folder / name).glob("*.png")):
+                return _by_neighbours(folder, each) if wanted is None else wanted, folder / name
+    return wanted, folder
+
+
+def _by_neighbours(folder: Path, layout: Layout) -> Layout | None:
+    """Return whose folder it is: Oxford and Boreas both keep scans in `radar`, beside different files."""
+    if "radar" not in layout.scans_folders:
+        return layout
+    if (folder / "applanix").is_dir():
+        return LAYOUTS["boreas"]
+    if (folder / "gt").is_dir() or (folder / "radar.timestamps").is_file():
+        return LAYOUTS["oxford"]
+    return None
+
+
+def _pictures(place: Path) -> tuple[Path, ...]:
+    """Return the pictures in a folder by number."""
+    paths = [path for path in place.glob("*.png") if not path.name.startswith(".")]
+    if not paths:
+        raise DatasetError(f"{place}: no scans (PNG files)")
+    return tuple(sorted(paths, key=lambda path: (len(path.stem), path.stem)))
+
+
+def _is_time(stem: str) -> bool:
+    return stem.isdecimal() and len(stem) >= _SHORTEST_TIME
+
+
+def _layout_by_first(image: NDArray[np.uint8]) -> Layout:
+    """Return the layout whose quirks a lone picture has: MulRan counts nanoseconds, Oxford is 3768 wide."""
+    if row_ticks(image)[0] > _YEAR_2100_US:
+        return LAYOUTS["mulran"]
+    if image.shape[1] == HEADER_COLUMNS + SENSORS["cts350x"].bins:
+        return LAYOUTS["oxford"]
+    return LAYOUTS["boreas"]
+
+
+def _sensor_by_first(path: Path, image: NDArray[np.uint8], layout: Layout) -> Sensor:
+    """Return the sensor that writes pictures of this size in this layout.
+
+    Raises:
+        DatasetError: there is none; the message names the file.
+    """
+    rows, columns = image.shape
+    for sensor in _CANDIDATES[layout.name]:
+        if (sensor.azimuths, sensor.bins) == (rows, columns - HEADER_COLUMNS):
+            return _as_written(sensor, image)
+    widths = ", ".join(f"{each.azimuths} x {HEADER_COLUMNS + each.bins}" for each in _CANDIDATES[layout.name])
+    raise DatasetError(
+        f"{path}: {rows} rows and {columns} columns are no scan that the layout {layout.name} knows "
+        f"({widths}); give its sensor"
+    )
+
+
+_CANDIDATES = {
+    "oxford": (SENSORS["cts350x"],),
+    "mulran": (SENSORS["cir204"],),
+    "boreas": (SENSORS["cir304"], SENSORS["cir304_rt"]),
+}
+
+
+def _as_written(sensor: Sensor, image: NDArray[np.uint8]) -> Sensor:
+    """Return a sensor with the quirks of one picture: sweeps that alternate or not, bins after the update."""
+    mark = image[:, 10] > 0
+    if sensor.chirps == "alternating" and mark.all():
+        sensor = replace(sensor, chirps="rising")
+    if sensor.name == "cir304" and row_ticks(image)[0] >= UPDATED_US:
+        sensor = replace(sensor, bin_m=UPDATED_BIN_M)
+    if sensor.encoder_first != image[0, 8] + 256 * int(image[0, 9]):
+        sensor = replace(sensor, encoder_first=int(image[0, 8]) + 256 * int(image[0, 9]))
+    return sensor

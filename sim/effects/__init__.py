@@ -1,0 +1,1 @@
+"""What changes traced echoes or adds to them: artefact strengths, filters, rain, interference."""

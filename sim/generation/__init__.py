@@ -1,0 +1,1 @@
+"""Data sets from a configuration: scene set-up, workers, manifest, domain randomization."""

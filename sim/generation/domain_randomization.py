@@ -1,0 +1,145 @@
+"""Domain randomisation: sensor, artefacts and surfaces drawn about those given, a draw a dataset.
+
+What is learned from one calibrated sensor in one kind of weather knows that sensor; real ones differ among
+each other and from any model. Ranges are about as wide as sensors of a kind, their mounting and their places
+differ (Tobin et al., IROS 2017, for the idea); docs/fidelity.md lists them.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from echoscape.sim.generation.config import Recipe
+from echoscape.sim.sensor.sensor import Sensor, Table
+from echoscape.sim.settings.artefacts import Artefacts
+from echoscape.sim.settings.surfaces import MOST_FACTOR, SurfaceSettings
+
+STAGE = 310
+"""Number of the stage that draws variations."""
+
+LOSS_DB = (-3.0, 4.0)
+"""Added to the losses of the link: gain, weather on the radome, age."""
+NOISE_DB = (-1.5, 2.0)
+"""Added to the noise figure and to the written noise alike."""
+BANDWIDTH = (0.85, 1.15)
+"""Factor on the swept bandwidth, and so on the range resolution."""
+BEAM = (0.85, 1.3)
+"""Factor on the azimuth beam's width."""
+ELEVATION = (0.8, 1.25)
+"""Factor on the elevation beam's width."""
+CLIPPING_DB = (-5.0, 4.0)
+"""Added to the level at which the converter clips."""
+PHASE_NOISE_DB = (-4.0, 4.0)
+"""Added to the phase noise's density."""
+RANGE_GAIN = (0.3, 1.6)
+"""Factor on the receiver's gain by range [dB]."""
+LEAKAGE_DB = (-6.0, 4.0)
+"""Added to leakage and echoes of the radome."""
+HEIGHT_M = (-0.5, 0.5)
+"""Added to the height of the antenna [m]."""
+TILT_DEG = (-1.0, 1.0)
+"""Added to the tilt of the beam [deg]."""
+ROUGHNESS = (0.6, 1.6)
+"""Factor on rms heights and slopes, drawn apart; evenly by its logarithm."""
+SCATTERING = (0.75, 1.2)
+"""Factor on the diffuse amplitude share."""
+GHOSTS_DB, SIDELOBES_DB = (-6.0, 3.0), (-4.0, 4.0)
+"""Added to the power of ghosts and of the beam's sidelobes."""
+BLOCKED_CHANCE, BLOCKED_WIDTH_DEG, BLOCKED_LOSS_DB = 0.4, (4.0, 40.0), (3.0, 40.0)
+"""How often something stands on the vehicle's roof, how wide and how opaque it is."""
+
+
+def randomized(recipe: Recipe) -> Recipe:
+    """Return the recipe with sensor, artefacts and surfaces drawn about its own, as its seed decides.
+
+    Raises:
+        ValueError: the recipe was varied before, or what is drawn lies beyond what a setting may be.
+    """
+    if recipe.varied:
+        raise ValueError("varied must be False: the recipe was varied before")
+    rng = np.random.default_rng(np.random.SeedSequence([recipe.seed, STAGE]))
+    try:
+        return replace(
+            recipe,
+            sensor=_sensor(recipe.sensor, rng),
+            artefacts=_artefacts(recipe.artefacts, rng),
+            surfaces=_surfaces(recipe.surfaces, rng),
+            randomized=True,
+        )
+    except ValueError as error:
+        raise ValueError(f"{error}, as --vary drew it about what was given") from error
+
+
+def _sensor(sensor: Sensor, rng: np.random.Generator) -> Sensor:
+    """Draw a sensor about the one given; every number is drawn, whatever becomes of it."""
+    noise_db = _within(rng, NOISE_DB)
+    azimuth, elevation = _within(rng, BEAM), _within(rng, ELEVATION)
+    wider = replace(
+        sensor,
+        azimuth_pattern_db=_stretched(sensor.azimuth_pattern_db, azimuth, 180.0),
+        elevation_pattern_db=_stretched(sensor.elevation_pattern_db, elevation, 90.0),
+        # The last 0.3 dB go into far sidelobes, whose ends are not stretched.
+        antenna_gain_db=sensor.antenna_gain_db - 10 * float(np.log10(azimuth * elevation)) - 0.3,
+    )
+    gain = _within(rng, RANGE_GAIN)
+    return replace(
+        wider,
+        system_loss_db=sensor.system_loss_db + _within(rng, LOSS_DB),
+        noise_figure_db=sensor.noise_figure_db + noise_db,
+        noise_units=sensor.noise_units * 10 ** (noise_db / 10),
+        bandwidth_hz=sensor.bandwidth_hz * _within(rng, BANDWIDTH),
+        full_scale_db=sensor.full_scale_db + _within(rng, CLIPPING_DB),
+        phase_noise_dbc_hz=sensor.phase_noise_dbc_hz + _within(rng, PHASE_NOISE_DB),
+        range_gain_db=tuple((range_m, level * gain) for range_m, level in sensor.range_gain_db),
+        mount_height_m=max(sensor.mount_height_m + _within(rng, HEIGHT_M), 0.3),
+        mount_tilt_deg=sensor.mount_tilt_deg + _within(rng, TILT_DEG),
+        blocking_db=_blocked(sensor.blocking_db, rng),
+    )
+
+
+def _artefacts(artefacts: Artefacts, rng: np.random.Generator) -> Artefacts:
+    """Draw strengths about those given; what is off stays off."""
+    leakage, ghosts, sidelobes = (
+        10 ** (_within(rng, each) / 10) for each in (LEAKAGE_DB, GHOSTS_DB, SIDELOBES_DB)
+    )
+    return replace(
+        artefacts,
+        leakage=artefacts.leakage * leakage,
+        ghosts=artefacts.ghosts * ghosts,
+        sidelobes=artefacts.sidelobes * sidelobes,
+    )
+
+
+def _surfaces(surfaces: SurfaceSettings, rng: np.random.Generator) -> SurfaceSettings:
+    """Draw roughness about that given."""
+    low, high = np.log(ROUGHNESS)
+    height, slope = np.exp(rng.uniform(low, high, 2)).tolist()
+    return SurfaceSettings(
+        rms_height=min(surfaces.rms_height * height, MOST_FACTOR),
+        rms_slope=min(surfaces.rms_slope * slope, MOST_FACTOR),
+        scattering=min(surfaces.scattering * _within(rng, SCATTERING), MOST_FACTOR),
+    )
+
+
+def _within(rng: np.random.Generator, limits: tuple[float, float]) -> float:
+    return float(rng.uniform(*limits))
+
+
+def _stretched(pattern: Table, factor: float, end_deg: float) -> Table:
+    """Return a pattern as much wider, still ending where it ended."""
+    inner = [(angle * factor, level) for angle, level in pattern if abs(angle * factor) < end_deg]
+    ends = [row for row in pattern if abs(row[0]) == end_deg]
+    return tuple(sorted({*inner, *ends}))
+
+
+def _blocked(before: Table, rng: np.random.Generator) -> Table:
+    """Return the loss by azimuth with, now and then, a sector that something on the roof takes."""
+    there = rng.random() < BLOCKED_CHANCE
+    middle, width, loss = rng.uniform(60, 300), _within(rng, BLOCKED_WIDTH_DEG), _within(rng, BLOCKED_LOSS_DB)
+    if not there:
+        return before
+    edges = middle + width * np.array([-0.6, -0.4, 0.4, 0.6])
+    azimuth_deg, loss_db = np.array(before).T
+    knots = np.union1d(np.clip(azimuth_deg, 0, 360), [0.0, *edges, 360.0])
+    more = np.interp(knots, edges, [0.0, loss, loss, 0.0]) + np.interp(knots, azimuth_deg, loss_db)
+    return tuple(zip(knots.tolist(), more.tolist(), strict=True))

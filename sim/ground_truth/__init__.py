@@ -1,0 +1,1 @@
+"""What made every cell of a scan."""

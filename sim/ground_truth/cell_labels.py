@@ -1,0 +1,186 @@
+"""What made each cell of a scan, known because the scan was made.
+
+The receiver tells how much of a cell's power echoes, noise and distortion have alone; the largest names the
+cell. Where that is echoes, those within whose point spread the cell lies say whether it is direct, a ghost or
+a sidelobe of the beam, and the strongest of that kind says which thing it was; what they do not explain is a
+sidelobe of the range window.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.scenes.core.scene import CLASSES
+from echoscape.sim.datasets.polar_scan import CellTruth, Component, MoverBoxes
+from echoscape.sim.echoes import Echoes
+from echoscape.sim.ground_truth.dominant_echo import DominantEchoes, DominantEchoIndex
+from echoscape.sim.kinematics.rolling_scan import MoverStates
+from echoscape.sim.receiver.front_end import PART_STEP, leakage_grid
+from echoscape.sim.receiver.if_signal import BIN_CENTRE, beat, sample_times, spectrum, sweep_ripple
+from echoscape.sim.receiver.quantiser import LEAST_POWER
+from echoscape.sim.receiver.receiver import Received
+from echoscape.sim.sensor.link_budget import range_gain, units_per_watt, window, written_units
+from echoscape.sim.sensor.sensor import Sensor
+from echoscape.sim.settings.artefacts import Artefacts
+
+EXPLAINED = 0.1
+"""Share of a cell's echo power that the echoes within the point spread must reach, added by power, to explain
+it: speckle adds them in any phase, so a cell may hold much more or less."""
+
+
+def mover_boxes(states: MoverStates) -> MoverBoxes:
+    """Return the boxes of the movers of a scan, at the middle of its rows."""
+    middle = states.state.shape[1] // 2
+    prototypes = [mover.prototype for mover in states.movers]
+    extent = np.array([prototype.extent_m for prototype in prototypes], np.float64).reshape(-1, 3)
+    state, rate = states.state[:, middle], states.rate[:, middle]
+    return MoverBoxes(
+        instance=np.array([mover.instance for mover in states.movers], np.uint32),
+        class_id=np.array([CLASSES.index(prototype.class_name) for prototype in prototypes], np.uint8),
+        centre=state[:, :3] + extent * [0.0, 0.0, 0.5],
+        extent=extent,
+        yaw=state[:, 3].copy(),
+        velocity=rate[:, :3].copy(),
+    )
+
+
+def _spread_shape(sensor: Sensor, floor: float) -> NDArray[np.float32]:
+    """Return the point-spread power at whole steps from its peak (K + 1,), down to `floor`."""
+    offsets = np.arange(32) * PART_STEP
+    tones = np.cos(2 * np.pi * offsets[:, None] * sample_times(sensor) / sensor.fft_size)
+    weight = window(sensor) * sweep_ripple(sensor)
+    power = (tones @ weight / weight.sum()) ** 2
+    last = int(np.flatnonzero(power >= floor)[-1])
+    return power[: last + 1].astype(np.float32)
+
+
+class Labeller:
+    """Names the cells of a sensor's scans; holds what does not change from scan to scan."""
+
+    def __init__(self, sensor: Sensor, instance_class: NDArray[np.uint8]) -> None:
+        self._sensor = sensor
+        self._classes = instance_class
+        self._shape, self._skirt = (_spread_shape(sensor, floor) for floor in (0.01, 1e-4))
+        self._steps = -(-sensor.bins // PART_STEP)
+        ranges = (np.arange(self._steps) * PART_STEP + BIN_CENTRE) * sensor.bin_m
+        self._unit_gain = (units_per_watt(sensor) * range_gain(sensor, ranges)).astype(np.float32)
+        leak = np.abs(spectrum(beat(leakage_grid(sensor), sensor), sensor, step=PART_STEP)) ** 2
+        self._leakage = (leak * (written_units(sensor) * range_gain(sensor, ranges))).astype(np.float32)
+
+    def strongest(self, echoes: Echoes) -> DominantEchoIndex:
+        """Return the strongest echoes about each cell, for all that is asked of a scan's echoes."""
+        return DominantEchoIndex(echoes, self._sensor, steps=self._steps)
+
+    def label(
+        self,
+        strongest: DominantEchoIndex,
+        received: Received,
+        artefacts: Artefacts,
+        *,
+        rain_w: NDArray[np.float32] | None = None,
+    ) -> CellTruth:
+        """Return the truth of every cell of a scan; pairs of bins share what echoes they hold.
+
+        strongest: of the echoes that were received, from `strongest`.
+
+        rain_w (azimuths, fft_size / 2): mean power of rain in each bin of the grid [W], None without any.
+        """
+        component = self._largest(received)
+        cells = np.flatnonzero(component == Component.DIRECT)
+        echo = received.echo.ravel()[cells]
+        step = cells % self._steps
+        found = self._explained(strongest, cells, echo)
+        power, kind = found.power, found.kind
+        explained = power * self._unit_gain[step] >= EXPLAINED * echo
+        kind = np.where(explained, kind, np.uint8(Component.SIDELOBE))
+        if rain_w is not None:
+            rain = self._rain(rain_w).ravel()[cells]
+            rains = (rain > power * self._unit_gain[step]) & (rain >= EXPLAINED * echo)
+            kind = np.where(rains, np.uint8(Component.RAIN), kind)
+            explained &= ~rains
+        if artefacts.leakage:
+            leaks = self._leakage[0, step] * (2 * artefacts.leakage) >= echo
+            kind = np.where(leaks, np.uint8(Component.LEAKAGE), kind)
+            explained &= ~leaks
+        component.ravel()[cells] = kind
+        named = self._filled(strongest.echoes, component, cells[explained], found.source[explained])
+        # What the quantiser cannot tell from nothing is noise, whatever it came from.
+        return _by_bin(named, heard=received.power >= LEAST_POWER)
+
+    def _rain(self, rain_w: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the mean written power of rain in every step of every row (A, S)."""
+        bins = (np.sum(self._shape) * 2 - 1) * PART_STEP  # over which the point spread reaches, by power
+        return (rain_w[:, : self._sensor.bins : PART_STEP] * (bins * self._unit_gain)).astype(np.float32)
+
+    def _largest(self, received: Received) -> NDArray[np.uint8]:
+        """Return NOISE, DIRECT (any echo), SPOKE or INTERFERENCE by the largest of a cell's parts."""
+        component = np.full(received.echo.shape, Component.NOISE, np.uint8)
+        echo = (received.echo > received.noise) & (received.echo >= received.distortion)
+        component[echo] = Component.DIRECT
+        component[(received.distortion > received.noise) & ~echo] = Component.SPOKE
+        if received.others is not None:
+            foreign = (component == Component.SPOKE) & (received.others * 2 >= received.distortion)
+            component[foreign] = Component.INTERFERENCE
+        return component
+
+    def _explained(
+        self, strongest: DominantEchoIndex, cells: NDArray[np.int64], echo: NDArray[np.float32]
+    ) -> DominantEchoes:
+        """Return what echoes bring to flat cell numbers (C,).
+
+        Cells whose echo power `echo` (C,) is not explained so, but by the skirt of ghosts, are those ghosts'.
+        """
+        found = strongest.within(self._shape, cells)
+        gain = self._unit_gain[cells % self._steps]
+        weak = np.flatnonzero(found.power * gain < EXPLAINED * echo)
+        skirt = strongest.within(self._skirt, cells[weak])
+        ghosts = (skirt.kind == Component.GHOST) & (skirt.power * gain[weak] >= EXPLAINED * echo[weak])
+        of_ghosts, taken = weak[ghosts], np.flatnonzero(ghosts)
+        for into, values in zip(vars(found).values(), vars(skirt.at(taken)).values(), strict=True):
+            into[of_ghosts] = values
+        return found
+
+    def _filled(
+        self,
+        echoes: Echoes,
+        component: NDArray[np.uint8],
+        cells: NDArray[np.int64],
+        source: NDArray[np.uint32],
+    ) -> CellTruth:
+        """Return the truth with the things of the named cells filled in."""
+        size, shape = component.size, component.shape
+        instance = np.zeros(size, np.uint32)
+        class_id, bounces, moving = (
+            np.zeros(size, np.uint8),
+            np.zeros(size, np.uint8),
+            np.zeros(size, np.bool_),
+        )
+        instance[cells] = echoes.returns.instance[source]
+        class_id[cells] = self._classes[echoes.returns.instance[source]]
+        bounces[cells] = echoes.returns.bounces[source]
+        moving[cells] = echoes.returns.moving[source]
+        return CellTruth(
+            component=component,
+            instance=instance.reshape(shape),
+            class_id=class_id.reshape(shape),
+            bounces=bounces.reshape(shape),
+            moving=moving.reshape(shape),
+        )
+
+
+def _by_bin(steps: CellTruth, *, heard: NDArray[np.bool_]) -> CellTruth:
+    """Return the truth of every bin from that of steps of PART_STEP bins, blank where nothing is `heard`."""
+
+    def widened(values: NDArray) -> NDArray:
+        # Two neighbours of a type are one number of twice its size: faster than repeating them one by one.
+        bits = 8 * values.itemsize
+        pairs = values.view(f"u{values.itemsize}").astype(f"u{PART_STEP * values.itemsize}")
+        pairs |= pairs << bits
+        return pairs.view(values.dtype)[:, : heard.shape[1]] * heard
+
+    return CellTruth(
+        component=widened(steps.component),
+        instance=widened(steps.instance),
+        class_id=widened(steps.class_id),
+        bounces=widened(steps.bounces),
+        moving=widened(steps.moving),
+    )

@@ -1,0 +1,129 @@
+"""The strongest echoes about each cell of a scan: how much power, of which kind, from which return.
+
+Echoes are summed by step of range and kind once; cells are asked for as settings of artefacts need them, and
+what one setting asked serves the next.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.sim.datasets.polar_scan import Component
+from echoscape.sim.echoes import Echoes
+from echoscape.sim.raytracing.mitsuba_backend import dr, mi
+from echoscape.sim.receiver.front_end import PART_STEP
+from echoscape.sim.receiver.if_signal import grid_place
+from echoscape.sim.sensor.sensor import Sensor
+
+KINDS = (Component.DIRECT, Component.GHOST, Component.SIDELOBE)
+
+
+@dataclass(frozen=True)
+class DominantEchoes:
+    """What echoes bring to C cells.
+
+    power (C,) float32: all that they spread there [W]; kind (C,) uint8: that with most of it; source (C,)
+    uint32: the return of the strongest echo of that kind.
+    """
+
+    power: NDArray[np.float32]
+    kind: NDArray[np.uint8]
+    source: NDArray[np.uint32]
+
+    def at(self, cells: NDArray[np.int64]) -> "DominantEchoes":
+        """Return what some of the cells hold."""
+        return DominantEchoes(self.power[cells], self.kind[cells], self.source[cells])
+
+
+class DominantEchoIndex:
+    """Tells what the echoes of a scan bring to its cells: rows of `steps` steps of PART_STEP bins."""
+
+    def __init__(self, echoes: Echoes, sensor: Sensor, *, steps: int) -> None:
+        self.echoes = echoes
+        self._steps = steps
+        self._cells = sensor.azimuths * steps
+        self._sensor = sensor
+        self._known: dict[int, tuple[NDArray[np.bool_], DominantEchoes]] = {}
+
+    @cached_property
+    def _summed(self) -> "tuple[mi.Float, mi.UInt64]":
+        """The echoes' power by cell and kind, and the strongest of them with its return.
+
+        The largest (power, return) pair is found with an integer maximum, which no order of work changes.
+        """
+        echoes, sensor, kinds = self.echoes, self._sensor, len(KINDS)
+        place = ((grid_place(echoes.range_m, sensor) + 0.5) * (1 / PART_STEP)).astype(np.int32)
+        np.clip(place, 0, self._steps - 1, out=place)
+        ghost = (echoes.returns.bounces > 1).astype(np.int32)[echoes.source]
+        kind = np.where(echoes.sidelobe, np.int32(2), ghost)
+        number = (echoes.row * np.int32(self._steps) + place) * np.int32(kinds) + kind
+        power = np.square(echoes.amplitude.real) + np.square(echoes.amplitude.imag)
+        size = self._cells * kinds
+        total = mi.Float(np.bincount(number, power, size).astype(np.float32))
+        key = mi.UInt64(dr.reinterpret_array(mi.UInt32, mi.Float(power))) << 32
+        best = dr.zeros(mi.UInt64, size)
+        index = mi.UInt32(number.astype(np.uint32))
+        dr.scatter_reduce(dr.ReduceOp.Max, best, key | mi.UInt64(mi.UInt32(echoes.source)), index)
+        dr.eval(total, best)
+        return total, best
+
+    def within(self, shape: NDArray[np.float32], cells: NDArray[np.int64]) -> DominantEchoes:
+        """Return what echoes bring to flat cell numbers (C,) under a point spread.
+
+        shape (K + 1,): its power at whole steps from its peak.
+        """
+        if len(self.echoes) == 0:
+            count = len(cells)
+            return DominantEchoes(
+                np.zeros(count, np.float32), np.zeros(count, np.uint8), np.zeros(count, np.uint32)
+            )
+        known, found = self._known.setdefault(len(shape), self._unknown())
+        new = cells[~known[cells]]
+        if len(new):
+            found.power[new], found.kind[new], found.source[new] = self._spread(shape, new)
+            known[new] = True
+        return found.at(cells)
+
+    def _unknown(self) -> tuple[NDArray[np.bool_], DominantEchoes]:
+        size = self._cells
+        nothing = DominantEchoes(
+            np.empty(size, np.float32), np.empty(size, np.uint8), np.empty(size, np.uint32)
+        )
+        return np.zeros(size, np.bool_), nothing
+
+    def _spread(
+        self, shape: NDArray[np.float32], cells: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
+        """Return the power spread over each cell, the kind with most of it, and its strongest return."""
+        total, best = self._summed
+        kinds = len(KINDS)
+        rows, steps = np.divmod(cells.astype(np.uint32), np.uint32(self._steps))
+        row, step = mi.UInt32(rows), mi.UInt32(steps)
+        sums = [mi.Float(0) for _ in KINDS]
+        for share, place, valid in self._neighbours(row, step, shape):
+            for kind in range(kinds):
+                sums[kind] += dr.gather(mi.Float, total, place * kinds + kind, valid) * share
+        most = dr.select(sums[1] > sums[0], mi.UInt32(1), 0)
+        most = dr.select(sums[2] > dr.maximum(sums[0], sums[1]), 2, most)
+        largest, source = mi.Float(-1), mi.UInt32(0)
+        for share, place, valid in self._neighbours(row, step, shape):
+            pair = dr.gather(mi.UInt64, best, place * kinds + most, valid)
+            power = dr.reinterpret_array(mi.Float, mi.UInt32(pair >> 32)) * share
+            better = valid & (power > largest)
+            largest = dr.select(better, power, largest)
+            source = dr.select(better, mi.UInt32(pair & 0xFFFFFFFF), source)
+        power = sums[0] + sums[1] + sums[2]
+        dr.eval(power, most, source)
+        return power.numpy(), np.array(KINDS, np.uint8)[most.numpy()], source.numpy()
+
+    def _neighbours(
+        self, row: "mi.UInt32", step: "mi.UInt32", shape: NDArray[np.float32]
+    ) -> "Iterator[tuple[float, mi.UInt32, mi.Bool]]":
+        """Yield share, number and existence of each step along range within the point spread."""
+        for offset in range(-len(shape) + 1, len(shape)):
+            place = mi.Int32(step) + offset
+            valid = (place >= 0) & (place < self._steps)
+            yield float(shape[abs(offset)]), mi.UInt32(mi.Int32(row * self._steps) + place), valid

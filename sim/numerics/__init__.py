@@ -1,0 +1,1 @@
+"""Constants, decibels, Fourier transforms and memory settings."""

@@ -1,0 +1,1 @@
+"""How surfaces reflect: Fresnel coefficients, scattering lobes, texture, speckle."""

@@ -1,0 +1,136 @@
+"""What a surface sends back: a mirror part widened by waviness, and a diffuse part.
+
+The reflected power |Gamma|^2 (Fresnel) is split by effective roughness, R^2 + S^2 = 1 (Degli-Esposti et al.,
+IEEE TAP 55(1), 2007); small-scale roughness moves a further share exp(-(4 pi s cos / lambda)^2) from the
+mirror part to the diffuse one (Ament 1953). The mirror part has the width of the surface's slopes
+(geometrical optics, Beckmann distribution: Ulaby & Long 2014, ch. 10), which gives a flat wall exactly its
+image's power (lambda / (8 pi R))^2 |Gamma|^2; the diffuse part is Lambert's, or a lobe ((1 + cos psi) / 2)^n
+about the mirror's direction or back to where the wave came from, scaled to hold just its share.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.scenes.core.materials import MATERIALS, Material
+from echoscape.sim.raytracing.mitsuba_backend import dr, mi
+from echoscape.sim.raytracing.surface.fresnel import reflected_power_table
+from echoscape.sim.settings.surfaces import SurfaceSettings
+
+_STEPS = 256
+_MOST_SCATTERING = 0.98
+_LOBES = ("lambert", "directive", "backscatter")
+
+
+def lobe_integral(order: int, cos_in: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the integral of ((1 + cos psi) / 2)^order over the hemisphere above a surface [sr].
+
+    psi is counted from an axis whose cosine with the normal is `cos_in` (N,): Degli-Esposti et al. 2007,
+    eqs. (14), (19), with the sum over the powers of cos psi.
+    """
+    sine2 = 1 - cos_in**2
+    total = np.zeros_like(cos_in)
+    for power in range(order + 1):
+        part = np.full_like(cos_in, 2 * math.pi / (power + 1))
+        if power % 2:
+            terms = [math.comb(2 * k, k) / 4**k * sine2**k for k in range((power + 1) // 2)]
+            part *= cos_in * np.sum(terms, axis=0)
+        total += math.comb(order, power) * part
+    return total / 2.0**order
+
+
+def _roughened(material: Material, settings: SurfaceSettings) -> Material:
+    """Return a material with its roughness changed."""
+    return replace(
+        material,
+        rms_height_m=material.rms_height_m * settings.rms_height,
+        scattering=min(material.scattering * settings.scattering, _MOST_SCATTERING),
+        rms_slope_rad=material.rms_slope_rad * settings.rms_slope,
+    )
+
+
+class Surfaces:
+    """Scattering of all materials at one carrier, as tables that kernels gather from by material id."""
+
+    def __init__(
+        self, carrier_hz: float, wavelength_m: float, settings: SurfaceSettings | None = None
+    ) -> None:
+        rows = [_roughened(row, settings or SurfaceSettings()) for row in MATERIALS.values()]
+        table = reflected_power_table(rows, carrier_hz, _STEPS)
+        self._te_power = mi.Float(np.ascontiguousarray(table[..., 0]).ravel())
+        self._tm_power = mi.Float(np.ascontiguousarray(table[..., 1]).ravel())
+        self._diffuse_share = mi.Float(np.array([row.scattering**2 for row in rows], np.float32))
+        roughness = [(4 * math.pi * row.rms_height_m / wavelength_m) ** 2 for row in rows]
+        self._roughness = mi.Float(np.array(roughness, np.float32))
+        self._slope_variance = mi.Float(np.array([row.rms_slope_rad**2 for row in rows], np.float32))
+        self._any_lobe = any(row.lobe != "lambert" for row in rows)
+        self._lobe = mi.UInt32(np.array([_LOBES.index(row.lobe) for row in rows], np.uint32))
+        self._lobe_order = mi.Float(np.array([row.lobe_order for row in rows], np.float32))
+        cosines = np.linspace(0.0, 1.0, _STEPS + 1)
+        integrals = [lobe_integral(int(row.lobe_order), cosines) for row in rows]
+        self._lobe_peak = mi.Float((1 / np.concatenate(integrals)).astype(np.float32))
+
+    def reflected_power(
+        self, material: "mi.UInt32", cosine: "mi.Float", te_share: "mi.Float", active: "mi.Bool"
+    ) -> "mi.Float":
+        """Return |Gamma|^2 for a wave whose power is TE by the share `te_share` and TM by the rest."""
+        te, tm = (_looked_up(table, material, cosine, active) for table in (self._te_power, self._tm_power))
+        return dr.lerp(tm, te, te_share)
+
+    def mirror_share(self, material: "mi.UInt32", cosine: "mi.Float", active: "mi.Bool") -> "mi.Float":
+        """Return the share of the reflected power that leaves as from a mirror, (1 - S^2) exp(-g)."""
+        diffuse = dr.gather(mi.Float, self._diffuse_share, material, active)
+        roughness = dr.gather(mi.Float, self._roughness, material, active)
+        return (1 - diffuse) * dr.exp(-roughness * cosine * cosine)
+
+    def diffuse_lobe(
+        self,
+        amount: "mi.Float",
+        material: "mi.UInt32",
+        cosines: "tuple[mi.Float, mi.Float, mi.Float]",
+        active: "mi.Bool",
+    ) -> "mi.Float":
+        """Return the BRDF [1/sr] of the share `amount` of the reflected power that is diffuse.
+
+        `cosines` are those of incidence, of exit, and between the way out and the way back to the source.
+        """
+        lambert = amount / math.pi
+        if not self._any_lobe:
+            return lambert
+        cos_in, cos_out, cos_back = cosines
+        kind = dr.gather(mi.UInt32, self._lobe, material, active)
+        # The mirror's direction is d - 2 (d n) n: its cosine with the way out is 2 cos_in cos_out - cos_back.
+        cos_axis = dr.select(kind == 1, 2 * cos_in * cos_out - cos_back, cos_back)
+        order = dr.gather(mi.Float, self._lobe_order, material, active)
+        shape = dr.power(dr.clip(0.5 + 0.5 * cos_axis, 1e-6, 1), order)
+        peak = _looked_up(self._lobe_peak, material, cos_in, active)
+        lobe = amount * shape * peak / dr.maximum(cos_out, 1e-3)
+        return dr.select(kind == 0, lambert, lobe)
+
+    def mirror_lobe(
+        self,
+        material: "mi.UInt32",
+        cos_half: "mi.Float",
+        cos_in: "mi.Float",
+        cos_out: "mi.Float",
+        active: "mi.Bool",
+    ) -> "mi.Float":
+        """Return the mirror part's BRDF per unit reflected power, D(h) / (4 cos_in cos_out) [1/sr].
+
+        `cos_half` is the cosine between the normal and the half vector of the two directions.
+        """
+        variance = dr.gather(mi.Float, self._slope_variance, material, active)
+        cos2 = dr.maximum(cos_half * cos_half, 1e-6)
+        slopes = dr.exp((1 - 1 / cos2) / (2 * variance)) / (2 * math.pi * variance * cos2 * cos2)
+        return slopes / (4 * dr.maximum(cos_in, 1e-3) * dr.maximum(cos_out, 1e-3))
+
+
+def _looked_up(table: "mi.Float", material: "mi.UInt32", cosine: "mi.Float", active: "mi.Bool") -> "mi.Float":
+    """Return a material's table over even cosines from 0 to 1 at `cosine`, linear between its steps."""
+    place = dr.clip(cosine, 0, 1) * _STEPS
+    step = dr.minimum(mi.UInt32(place), _STEPS - 1)
+    index = material * (_STEPS + 1) + step
+    low, high = (dr.gather(mi.Float, table, index + k, active) for k in (0, 1))
+    return dr.lerp(low, high, place - mi.Float(step))

@@ -1,0 +1,123 @@
+"""From echoes to the sampled beat signal, and from that to its spectrum over range.
+
+An echo of amplitude a [sqrt(W)] at range r is a beat tone sqrt(2) Re(a exp(j 2 pi f n / fs)), f = 2 B r / (c
+T), with n counted from the sweep's middle. `beat_reference` sums the tones one by one; `beat` lays the echoes
+on the grid of range bins with linear weights and transforms once, then divides the weights' own spectrum
+(sinc^2) out, which is exact but for aliases below -50 dB.
+
+Bin k of a spectrum is centred at (k + 1/2) bin_m, as the loaders of the real sensor's data take it: the delay
+of the feed is calibrated so that a tone of frequency k fs / fft_size comes from there.
+"""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.sim.echoes import Echoes
+from echoscape.sim.numerics.fft import ifft, irfft, rfft
+from echoscape.sim.sensor.link_budget import window
+from echoscape.sim.sensor.sensor import Sensor
+
+BIN_CENTRE = 0.5
+"""Where in its bin an echo peaks."""
+
+
+def sample_times(sensor: Sensor) -> NDArray[np.int64]:
+    """Return the times (samples,) of a sweep's samples from its middle, in sample steps."""
+    return np.arange(sensor.samples) - sensor.samples // 2
+
+
+def grid_place(range_m: NDArray, sensor: Sensor) -> NDArray[np.float64]:
+    """Return where on the grid of bins echoes at `range_m` lie, in bins."""
+    return np.asarray(range_m, np.float64) / sensor.bin_m - BIN_CENTRE
+
+
+def echo_grid(echoes: Echoes, sensor: Sensor, *, rows: int | None = None) -> NDArray[np.complex64]:
+    """Lay echoes on the grid of range bins: (rows or azimuths, fft_size / 2) complex64 [sqrt(W)].
+
+    Sums run in the order of the echoes, so the result does not depend on threads. Echoes nearer than half a
+    bin or beyond the grid are clamped to its ends.
+    """
+    bins = sensor.fft_size // 2
+    place = np.clip(grid_place(echoes.range_m, sensor), 0, bins - 1.001)
+    cell = place.astype(np.int64)
+    fraction = (place - cell).astype(np.float32)
+    index = echoes.row * np.int64(bins) + cell
+    rows = sensor.azimuths if rows is None else rows
+    size = rows * bins
+    grid = np.empty((rows, bins), np.complex64)
+    for part in ("real", "imag"):
+        values = getattr(echoes.amplitude, part)
+        upper = values * fraction
+        total = np.bincount(index, values - upper, size)
+        total[1:] += np.bincount(index, upper, size)[:-1]
+        setattr(grid, part, total.reshape(grid.shape))
+    return grid
+
+
+@lru_cache(maxsize=8)
+def _weights_spectrum(sensor: Sensor, count: int) -> NDArray[np.float32]:
+    """Return sqrt(2) over the spectrum (count,) of the grid's linear weights, sinc^2."""
+    times = np.arange(count) - count // 2
+    return (math.sqrt(2) / np.sinc(times / sensor.fft_size) ** 2).astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def sweep_ripple(sensor: Sensor) -> NDArray[np.float64]:
+    """Return the amplitude (samples,) over a sweep: about 1, with ripples that all peak in its middle.
+
+    Its mean under the window is 1, so that an echo peaks as high as without. A ripple of p
+    periods in a sweep and amplitude 2 m makes sidelobes of m, p resolution cells to each side
+    (paired echoes; Klauder et al., Bell System Technical Journal 39(4), 1960).
+    """
+    turns = sample_times(sensor) / sensor.samples
+    amplitude = np.ones(sensor.samples)
+    for periods, level_db in sensor.sweep_ripple_db:
+        amplitude += 2 * 10 ** (level_db / 20) * np.cos(2 * np.pi * periods * turns)
+    weight = window(sensor)
+    return amplitude * (weight.sum() / (weight @ amplitude))
+
+
+def beat(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.float32]:
+    """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes (rows, fft_size / 2)."""
+    size, half = sensor.fft_size, sensor.samples // 2
+    # irfft halves all but the first bin against the sum over positive frequencies only.
+    signal = irfft(grid, size)
+    signal += grid[:, :1].real / np.float32(size)
+    middle = np.concatenate([signal[:, -half:], signal[:, :half]], axis=1)
+    middle *= _weights_spectrum(sensor, sensor.samples) * np.float32(size / 2)
+    middle *= sweep_ripple(sensor).astype(np.float32)
+    return middle
+
+
+def analytic_beat(grid: NDArray[np.complex64], sensor: Sensor, *, count: int) -> NDArray[np.complex64]:
+    """Return the analytic form of tones, whose real part they are: (rows, count) complex64 [sqrt(W)].
+
+    `count` is even and may reach beyond the sweep on both sides; the sweep's ripple is left to the caller.
+    """
+    half = count // 2
+    signal = ifft(grid, sensor.fft_size)
+    middle = np.concatenate([signal[:, -half:], signal[:, :half]], axis=1)
+    return middle * (_weights_spectrum(sensor, count) * np.float32(sensor.fft_size))
+
+
+def beat_reference(echoes: Echoes, sensor: Sensor) -> NDArray[np.float64]:
+    """Return the beat signal (azimuths, samples) float64 [sqrt(W)], one tone at a time: slow, for tests."""
+    signal = np.zeros((sensor.azimuths, sensor.samples))
+    cycles = sample_times(sensor) / sensor.fft_size
+    places = grid_place(echoes.range_m, sensor)
+    for row, place, amplitude in zip(echoes.row, places, echoes.amplitude, strict=True):
+        signal[row] += math.sqrt(2) * (complex(amplitude) * np.exp(2j * np.pi * place * cycles)).real
+    return signal * sweep_ripple(sensor)
+
+
+def spectrum(signal: NDArray[np.float32], sensor: Sensor, *, step: int = 1) -> NDArray[np.complex64]:
+    """Return the windowed, zero-padded FFT (rows, bins / step) complex64 of beat signals (rows, samples).
+
+    An echo of amplitude a peaks with |a| sum(w) / sqrt(2) at its bin. Phases count from the first sample.
+    `step`, a power of two, gives every second, fourth, ... bin only, for less work.
+    """
+    weighted = signal * window(sensor).astype(np.float32)
+    return rfft(weighted, sensor.fft_size // step)[:, : -(-sensor.bins // step)]

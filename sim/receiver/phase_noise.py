@@ -1,0 +1,111 @@
+"""Phase noise of the synthesiser, correlated between transmitted and received wave by the echo's delay.
+
+A beat tone carries exp(j (phi(t) - phi(t - tau))): near echoes cancel it, S_beat = S 4 sin^2(pi f tau)
+(Budge & Burt, IEEE RADAR 1993). Delay and beat frequency belong together, tau = f / slope, so delaying every
+tone by its own tau is the all-pass filter D = exp(-j pi f^2 / slope) of residual video phase. A tone f that
+is multiplied by a modulation of frequency v must get exp(-j 2 pi f v / slope) = D(f + v) / (D(f) D(v)): take
+D out of the tones and of the modulation exp(-j phi), multiply, apply D, and multiply by exp(+j phi). That is
+exact for any strength of noise, but for sidebands that fall beyond half the sampling rate, with no loop over
+echoes.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import rfftfreq
+
+from echoscape.sim.numerics.fft import fft, ifft, irfft, rfft
+from echoscape.sim.receiver.if_signal import analytic_beat, sweep_ripple
+from echoscape.sim.sensor.sensor import Sensor
+
+
+def phase_noise(sensor: Sensor, *, rows: int, count: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Draw the synthesiser's phase (rows, count) float32 [rad] at the converter's rate.
+
+    Its one-sided density is twice the single-sideband level L0 / (1 + (f / corner)^2) [rad^2/Hz].
+    """
+    white = rng.standard_normal((rows, count), dtype=np.float32)
+    return irfft(rfft(white) * _shape(sensor, count), count)
+
+
+@lru_cache(maxsize=8)
+def _shape(sensor: Sensor, count: int) -> NDArray[np.float32]:
+    """Return the amplitude (count / 2 + 1,) that gives white noise of variance 1 the phase's density."""
+    frequency = rfftfreq(count, 1 / sensor.sample_hz)
+    level = 10 ** (sensor.phase_noise_dbc_hz / 10) / (1 + (frequency / sensor.phase_noise_corner_hz) ** 2)
+    # White noise of variance 1 has the one-sided density 2 / fs.
+    shape = np.sqrt(level * sensor.sample_hz)
+    shape[0] = 0.0  # a constant phase is no noise
+    return shape.astype(np.float32)
+
+
+def sample_count(sensor: Sensor) -> int:
+    """Return how many samples hold a sweep with room at its ends for the delays of the farthest echoes."""
+    return 1 << int(np.ceil(np.log2(sensor.samples * 1.05)))
+
+
+@lru_cache(maxsize=8)
+def _delay(sensor: Sensor, step_hz: float, count: int) -> NDArray[np.complex64]:
+    """Return the filter (count,) that delays tones of beat frequency f = 0, step, ... by f / slope each.
+
+    Frequencies beyond the middle of a full transform are the negative ones.
+    """
+    frequency_hz = np.arange(count) * step_hz
+    nyquist_hz = sensor.sample_hz / 2
+    frequency_hz = (frequency_hz + nyquist_hz) % sensor.sample_hz - nyquist_hz
+    return np.exp(-1j * np.pi * frequency_hz**2 / sensor.slope_hz_s).astype(np.complex64)
+
+
+@dataclass(frozen=True)
+class Modulation:
+    """What the synthesiser's phase phi does to the beat tones of some rows.
+
+    turn (rows, samples) complex64: exp(j phi) within the sweep; late (rows, count) complex64: exp(-j phi),
+    D taken out.
+    """
+
+    turn: NDArray[np.complex64]
+    late: NDArray[np.complex64]
+
+
+def modulation(phase: NDArray[np.float32], sensor: Sensor) -> Modulation:
+    """Return what a phase (rows, count) [rad] does to beat tones."""
+    count = phase.shape[1]
+    carrier = np.empty(phase.shape, np.complex64)
+    carrier.real, carrier.imag = np.cos(phase), np.sin(phase)
+    tones = fft(carrier.conj(), overwrite=True)
+    tones *= _wide_delay(sensor, count).conj()
+    return Modulation(carrier[:, _inside(sensor, count)].copy(), ifft(tones, overwrite=True))
+
+
+def modulated(grid: NDArray[np.complex64], sensor: Sensor, modulation: Modulation) -> NDArray[np.float32]:
+    """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes under a modulation."""
+    count = modulation.late.shape[1]
+    early = grid * _delay(sensor, sensor.sample_hz / sensor.fft_size, grid.shape[1]).conj()
+    received = analytic_beat(early, sensor, count=count)
+    received *= modulation.late
+    tones = fft(received, overwrite=True)
+    tones *= _wide_delay(sensor, count)
+    tone, turn = ifft(tones, overwrite=True)[:, _inside(sensor, count)], modulation.turn
+    mixed = np.asarray(tone.real * turn.real - tone.imag * turn.imag, np.float32)
+    return mixed * sweep_ripple(sensor).astype(np.float32)
+
+
+def with_phase(
+    grid: NDArray[np.complex64], sensor: Sensor, phase: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return the beat signal (rows, samples) of a grid under the synthesiser's phase (rows, count) [rad]."""
+    return modulated(grid, sensor, modulation(phase, sensor))
+
+
+def _wide_delay(sensor: Sensor, count: int) -> NDArray[np.complex64]:
+    """Return the delaying filter (count,) of tones that last `count` samples."""
+    return _delay(sensor, sensor.sample_hz / sensor.fft_size * (sensor.fft_size // count), count)
+
+
+def _inside(sensor: Sensor, count: int) -> slice:
+    """Return where among `count` samples the sweep lies."""
+    first = count // 2 - sensor.samples // 2
+    return slice(first, first + sensor.samples)

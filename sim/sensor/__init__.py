@@ -1,0 +1,1 @@
+"""Radar sensors: every number with its source, antenna patterns, the link budget."""

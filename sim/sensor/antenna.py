@@ -1,0 +1,72 @@
+"""The antenna's gain towards a direction, and the two-way patterns that rays are drawn from.
+
+A pattern is separable: G(az, el) = G0 g_az(az) g_el(el). The beam turns while a sweep lasts, so the two-way
+azimuth pattern of a row is the mean of the antenna's over that turn (in amplitude, as the sweep integrates).
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.sim.sensor.antenna_pattern import azimuth_pattern, elevation_pattern
+from echoscape.sim.sensor.sensor import Sensor
+
+AZIMUTH_STEPS = 8192
+ELEVATION_STEPS = 4096
+
+
+@dataclass(frozen=True)
+class Antenna:
+    """Tables of the two-way azimuth and one-way elevation power patterns of a sensor (peak about 1)."""
+
+    sensor: Sensor
+
+    @property
+    def peak_gain(self) -> float:
+        """One-way peak power gain G0."""
+        return 10 ** (self.sensor.antenna_gain_db / 10)
+
+    @property
+    def turn_in_sweep_rad(self) -> float:
+        """Angle that the beam turns through while it samples one sweep [rad]."""
+        return 2 * math.pi * self.sensor.rotation_hz * self.sensor.sweep_s
+
+    @cached_property
+    def azimuth_grid_rad(self) -> NDArray[np.float64]:
+        """Offsets (AZIMUTH_STEPS + 1,) from -pi to pi [rad]."""
+        return np.linspace(-math.pi, math.pi, AZIMUTH_STEPS + 1)
+
+    @cached_property
+    def azimuth_two_way(self) -> NDArray[np.float64]:
+        """Two-way azimuth power pattern on `azimuth_grid_rad`, the beam's turn within a sweep included."""
+        turn = (np.arange(32) + 0.5) / 32 - 0.5
+        offsets = self.azimuth_grid_rad[:, None] + turn * self.turn_in_sweep_rad
+        at_rest = azimuth_pattern(self.sensor.azimuth_pattern_db, offsets)
+        return np.sqrt(at_rest).mean(axis=1) ** 2
+
+    @cached_property
+    def elevation_grid_rad(self) -> NDArray[np.float64]:
+        """Elevations (ELEVATION_STEPS + 1,) from -pi/2 to pi/2 [rad] above the beam's middle."""
+        return np.linspace(-math.pi / 2, math.pi / 2, ELEVATION_STEPS + 1)
+
+    @cached_property
+    def elevation_one_way(self) -> NDArray[np.float64]:
+        """One-way elevation power pattern on `elevation_grid_rad`."""
+        return elevation_pattern(self.sensor.elevation_pattern_db, self.elevation_grid_rad)
+
+    def two_way_gain(self, azimuth_rad: NDArray, elevation_rad: NDArray) -> NDArray[np.float64]:
+        """Return G0^2 g_az^2 g_el^2 towards an offset and an elevation from the beam's middle [rad]."""
+        azimuth = (np.asarray(azimuth_rad) + math.pi) % (2 * math.pi) - math.pi
+        two_way = np.interp(azimuth, self.azimuth_grid_rad, self.azimuth_two_way)
+        one_way = np.interp(elevation_rad, self.elevation_grid_rad, self.elevation_one_way)
+        return self.peak_gain**2 * two_way * one_way**2
+
+    @cached_property
+    def two_way_energy_sr(self) -> float:
+        """Integral of (G / G0)^2 over the sphere [sr]."""
+        azimuth = np.trapezoid(self.azimuth_two_way, self.azimuth_grid_rad)
+        weight = self.elevation_one_way**2 * np.cos(self.elevation_grid_rad)
+        return float(azimuth * np.trapezoid(weight, self.elevation_grid_rad))

@@ -1,0 +1,51 @@
+"""From watts at the antenna to the integer power that the sensor writes, and back.
+
+An echo of power P is a beat tone of amplitude sqrt(2 P) in N real samples; after a window w and an FFT its
+peak is P (sum w)^2 / 2, and white noise of variance s^2 has the mean s^2 sum w^2 (Harris, Proc. IEEE 66(1),
+1978). The written power is scaled so that thermal noise has the sensor's stated mean.
+"""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import get_window
+
+from echoscape.sim.numerics.decibels import power_ratio
+from echoscape.sim.sensor.sensor import Sensor
+
+
+@lru_cache(maxsize=8)
+def window(sensor: Sensor) -> NDArray[np.float64]:
+    """Return the window (samples,) over a sweep, DFT-even: its peak lies at sample `samples` / 2."""
+    return np.asarray(get_window(sensor.window, sensor.samples), np.float64)
+
+
+def written_units(sensor: Sensor) -> float:
+    """Return the written power of a unit of |FFT|^2 [1/W] (thermal noise then has the mean `noise_units`)."""
+    noise = sensor.thermal_noise_w * float(np.sum(window(sensor) ** 2))
+    return sensor.noise_units / noise
+
+
+def units_per_watt(sensor: Sensor) -> float:
+    """Return the written peak power of an echo of 1 W, before the gain by range."""
+    return written_units(sensor) * float(window(sensor).sum()) ** 2 / 2
+
+
+def link_w_m2(sensor: Sensor) -> float:
+    """Return Pt G0^2 lambda^2 / ((4 pi)^2 L): received power x R^2 per unit of BRDF x solid angle [W m^2]."""
+    gain = 10 ** ((2 * sensor.antenna_gain_db - sensor.system_loss_db) / 10)
+    return sensor.tx_power_w * gain * sensor.wavelength_m**2 / (4 * math.pi) ** 2
+
+
+def full_scale_amplitude(sensor: Sensor) -> float:
+    """Return the beat amplitude at which the converter clips [sqrt(W)]."""
+    power_w = 10 ** (sensor.full_scale_db / 10) / units_per_watt(sensor)
+    return math.sqrt(2 * power_w)
+
+
+def range_gain(sensor: Sensor, range_m: NDArray) -> NDArray[np.float64]:
+    """Return the receiver's power gain at ranges [m]."""
+    knots, gain_db = np.array(sensor.range_gain_db).T
+    return power_ratio(np.interp(range_m, knots, gain_db))

@@ -1,0 +1,1 @@
+"""Settings of a simulation: artefact strengths, surfaces, ray tracing."""

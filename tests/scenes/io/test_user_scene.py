@@ -1,0 +1,415 @@
+"""Laws of scenes of one's own: every format gives the same world, rules and drives do what they say, and
+whatever is broken is told in one line.
+"""
+
+import json
+import logging
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.testing import assert_allclose
+from numpy.typing import NDArray
+
+from echoscape.scenes.core.scene import CLASSES
+from echoscape.scenes.core.target_meshes import with_targets
+from echoscape.scenes.core.targets import Target
+from echoscape.scenes.driving.clearance import first_contact
+from echoscape.scenes.io.gltf_export import town_to_glb
+from echoscape.scenes.io.strict_toml import SceneError
+from echoscape.scenes.io.user_drive import DrivePlan, own_drive
+from echoscape.scenes.io.user_scene import UserWorld, build_own_scene, read_user_scene
+from tests.paths import ROOT
+
+EXAMPLES = ROOT / "examples"
+
+STAND = "\n[drive]\nposes = [[0, 0, 0, 0], [10, 0, 0, 0]]\n"
+ALL = '\n[default]\nmaterial = "concrete"\nclass = "building"\n'
+
+TRIANGLE = "v 20 0 0\nv 21 0 0\nv 20 0 1\nf 1 2 3\n"
+
+
+def _world(folder: Path, mesh: str | bytes, text: str = ALL + STAND, name: str = "yard.obj") -> UserWorld:
+    """Build the scene of a mesh file and of the TOML text below its `file` key."""
+    (folder / name).write_bytes(mesh if isinstance(mesh, bytes) else mesh.encode())
+    (folder / "yard.toml").write_text(f'file = "{name}"\n{text}')
+    return build_own_scene(read_user_scene(folder / "yard.toml"))
+
+
+def _box(*, low: tuple[float, float, float], size: tuple[float, float, float]) -> trimesh.Trimesh:
+    box = trimesh.creation.box(extents=size)
+    box.apply_translation(np.add(low, np.array(size) / 2))
+    return box
+
+
+def _corners(world: UserWorld) -> NDArray[np.float32]:
+    """Return all triangles, as rows of nine numbers in order."""
+    rows = np.concatenate([mesh.vertices[mesh.faces] for mesh in world.town.static.values()]).reshape(-1, 9)
+    return rows[np.lexsort(rows.T)]
+
+
+def _bytes(box: trimesh.Trimesh, kind: str) -> bytes:
+    data = trimesh.Scene(box).export(file_type=kind) if kind == "glb" else box.export(file_type=kind)
+    return data.encode() if isinstance(data, str) else data  # type: ignore[return-value]
+
+
+# ---------------------------------------------------------------------- what a file becomes
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "glb"])
+def test_every_format_gives_the_same_world(tmp_path: Path, kind: str) -> None:
+    box = _box(low=(10, 2, 0), size=(4, 3, 2))
+    expected = box.triangles.astype(np.float32).reshape(-1, 9)
+    world = _world(tmp_path, _bytes(box, kind), 'up = "z"\n' + ALL + STAND, name=f"yard.{kind}")
+    assert_allclose(_corners(world), expected[np.lexsort(expected.T)], atol=1e-6)
+
+
+def test_y_up_becomes_z_up_and_scale_multiplies(tmp_path: Path) -> None:
+    mesh = "v 10 3 -4\nv 11 3 -4\nv 10 3 -5\nf 1 2 3\n"  # north is -z in glTF's axes
+    world = _world(tmp_path, mesh, 'up = "y"\nscale = 2\n' + ALL + STAND)
+    assert_allclose(_corners(world), [[20, 8, 6, 22, 8, 6, 20, 10, 6]])
+
+
+def test_gltf_is_y_up_unless_something_else_is_said(tmp_path: Path) -> None:
+    data = _bytes(_box(low=(10, 0, 0), size=(2, 7, 4)), "glb")
+    tops = [
+        _world(tmp_path, data, up + ALL + STAND, name="y.glb").town.static["concrete"].vertices[:, 2].max()
+        for up in ("", 'up = "z"\n')
+    ]
+    assert tops == [7.0, 4.0]
+
+
+def test_nodes_are_placed_and_mirrored_ones_keep_their_outside(tmp_path: Path) -> None:
+    box, scene = trimesh.creation.box(extents=(1, 1, 1)), trimesh.Scene()
+    scene.add_geometry(box, node_name="left", geom_name="cube", transform=np.diag([-2.0, 1, 1, 1]))
+    move = trimesh.transformations.translation_matrix([30, 0, 0])
+    scene.graph.update(frame_to="right", frame_from="world", matrix=move, geometry="cube")
+    data = scene.export(file_type="glb")
+    assert isinstance(data, bytes)
+    world = _world(
+        tmp_path, data, 'up = "z"\n' + ALL + "[drive]\nposes = [[0, 9, 9, 0], [1, 9, 9, 0]]", "a.glb"
+    )
+    mesh = world.town.static["concrete"]
+    assert world.names == ("none", "left", "right")
+    for instance, volume in ((1, 2.0), (2, 1.0)):
+        a, b, c = np.moveaxis(mesh.vertices[mesh.faces[mesh.instance == instance]].astype(float), 1, 0)
+        # The signed volume of a closed surface is positive when its faces look outwards.
+        assert_allclose(np.einsum("ij,ij->", a, np.cross(b, c)) / 6, volume, rtol=1e-6)
+
+
+def test_a_town_that_was_written_comes_back_as_it_was(tmp_path: Path) -> None:
+    shutil.copy(EXAMPLES / "yard.obj", tmp_path)
+    first = build_own_scene(read_user_scene(EXAMPLES / "yard.toml"))
+    rules = "".join(
+        f'[[object]]\nname = "static/{name}"\nmaterial = "{name}"\nclass = "wall"\n'
+        for name in first.town.static
+    )
+    second = _world(tmp_path, town_to_glb(first.town), rules + STAND, "scene.glb")
+    assert list(second.town.static) == list(first.town.static)
+    assert_allclose(_corners(second), _corners(first), atol=1e-5)
+
+
+# ---------------------------------------------------------------------- names, rules, instances
+
+TWO = """
+o wall_a
+usemtl bricks
+v 10 0 0
+v 10 1 0
+v 10 1 1
+f 1 2 3
+usemtl pane
+f -1 -2 -3
+o wall_b
+usemtl bricks
+v 20 0 0
+v 20 1 0
+v 20 1 1
+f 4 5 6
+"""
+
+
+def _rules(*rules: tuple[str, str, str]) -> str:
+    return "".join(
+        f'[[object]]\nname = "{name}"\nmaterial = "{material}"\nclass = "{kind}"\n'
+        for name, material, kind in rules
+    )
+
+
+def test_the_first_rule_that_fits_counts(tmp_path: Path) -> None:
+    text = _rules(("pane", "glass", "wall"), ("wall_?", "brick", "wall"), ("*", "metal", "tree")) + STAND
+    world = _world(tmp_path, TWO, text)
+    assert {name: len(mesh.faces) for name, mesh in world.town.static.items()} == {"brick": 2, "glass": 1}
+
+
+def test_an_object_of_two_materials_is_one_instance(tmp_path: Path) -> None:
+    world = _world(tmp_path, TWO, _rules(("pane", "glass", "wall"), ("wall_?", "brick", "wall")) + STAND)
+    assert world.names == ("none", "wall_a", "wall_b")
+    assert world.town.static["glass"].instance.tolist() == [1]
+    assert sorted(world.town.static["brick"].instance.tolist()) == [1, 2]
+    assert [CLASSES[number] for number in world.town.instance_class] == ["none", "wall", "wall"]
+
+
+def test_what_is_skipped_is_not_there(tmp_path: Path) -> None:
+    text = '[[object]]\nname = "wall_a"\nskip = true\n' + ALL + STAND
+    assert _world(tmp_path, TWO, text).names == ("none", "wall_b")
+
+
+def test_gltf_nodes_of_several_materials_are_known_by_node_mesh_and_material(tmp_path: Path) -> None:
+    numbers = np.array([10, 0, 0, 11, 0, 0, 10, 1, 0], np.float32).tobytes()
+    (tmp_path / "b.bin").write_bytes(numbers + np.array([0, 1, 2], np.uint32).tobytes())
+    faces = {"attributes": {"POSITION": 0}, "indices": 1}
+    content = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"name": "House", "mesh": 0}, {"name": "Shed", "mesh": 0, "translation": [5, 0, 0]}],
+        "meshes": [{"name": "Cube", "primitives": [faces | {"material": 0}, faces | {"material": 1}]}],
+        "materials": [{"name": "clay"}, {"name": "pane"}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [10, 0, 0],
+             "max": [11, 1, 0]},
+            {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 36},
+            {"buffer": 0, "byteOffset": 36, "byteLength": 12},
+        ],
+        "buffers": [{"byteLength": 48, "uri": "b.bin"}],
+    }  # fmt: skip
+    rules = _rules(
+        ("pane", "glass", "building"), ("Shed", "wood", "building"), ("Cube*", "brick", "building")
+    )
+    world = _world(tmp_path, json.dumps(content), rules + STAND, name="yard.gltf")
+    faces_of = {name: len(mesh.faces) for name, mesh in world.town.static.items()}
+    assert faces_of == {"brick": 1, "glass": 2, "wood": 1}
+    assert world.names == ("none", "House", "Shed")
+    before = read_user_scene(tmp_path / "yard.toml").sha256
+    (tmp_path / "b.bin").write_bytes(numbers + np.array([0, 2, 1], np.uint32).tobytes())
+    assert read_user_scene(tmp_path / "yard.toml").sha256 != before
+
+
+def test_degenerate_faces_are_left_out_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        world = _world(tmp_path, TRIANGLE + "v 22 0 0\nf 1 2 4\n")
+    assert len(world.town.static["concrete"].faces) == 1
+    assert "1 degenerate faces left out" in caplog.text
+
+
+# ---------------------------------------------------------------------- what is wrong
+
+BROKEN_MESH = {
+    "": "no faces in it",
+    "v 0 0 0\nv 1 0 0\nv 0 1 0\n": "no faces in it",
+    "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n": "line 4: a face names vertex 9 where there are 3",
+    "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n": "line 4: a face names vertex 0",
+    "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2": "line 4: a face must have 3 or more corners, got 2",
+    "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 b 3": "line 4: 'b' names no vertex",
+    "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n": "object 'yard': a vertex or its place is not finite",
+    "v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n": "not finite",
+    "v 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n": "line 1: a vertex must be three numbers, got '0 0'",
+    "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n": "object 'yard' has only degenerate faces",
+    "v 0 0 0\nv 1 0 0\nv 0 4e5 0\nf 1 2 3\n": "reaches 400000 m from the origin",
+}
+
+
+@pytest.mark.parametrize("mesh", BROKEN_MESH)
+def test_a_broken_obj_is_told(tmp_path: Path, mesh: str) -> None:
+    _assert_told(tmp_path, mesh, BROKEN_MESH[mesh])
+
+
+@pytest.mark.parametrize("kind", ["ply", "glb"])
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.4, 0.7, 0.99])
+def test_a_truncated_mesh_is_told(tmp_path: Path, kind: str, share: float) -> None:
+    whole = _bytes(_box(low=(10, 0, 0), size=(1, 1, 1)), kind)
+    _assert_told(tmp_path, whole[: int(share * len(whole))], "broken or cut short", name=f"yard.{kind}")
+
+
+def test_a_truncated_ply_of_text_is_told(tmp_path: Path) -> None:
+    whole = trimesh.creation.box().export(file_type="ply", encoding="ascii")
+    text = whole.decode() if isinstance(whole, bytes) else str(whole)
+    for cut in range(4, len(text) // 2, 29):
+        _assert_told(tmp_path, text[:-cut], "broken or cut short", name="yard.ply")
+
+
+def test_a_ply_without_faces_and_a_face_beyond_the_vertices_are_told(tmp_path: Path) -> None:
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    points = "10 0 0\n11 0 0\n10 1 0\n"
+    _assert_told(tmp_path, head + "end_header\n" + points, "object 'yard' has no faces", name="yard.ply")
+    faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    told = "a face names vertex 7 where there are 3"
+    _assert_told(tmp_path, head + faces + points + "3 0 1 7\n", told, name="yard.ply")
+
+
+def _assert_told(folder: Path, mesh: str | bytes, told: str, name: str = "yard.obj") -> None:
+    with pytest.raises(SceneError) as error:
+        _world(folder, mesh, name=name)
+    assert told in str(error.value)
+    assert str(folder / name) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+BAD_TOML = {
+    STAND: "no [[object]] gives a material and a class to 'yard'",
+    ALL: "yard.toml: drive is missing",
+    ALL.replace("concrete", "stone") + STAND: "default: material must be one of concrete, brick",
+    ALL.replace("building", "none") + STAND: "default: class must be one of ground, road",
+    '[default]\nclass = "wall"\n' + STAND: "default: material is missing",
+    '[[object]]\nmaterial = "metal"\nclass = "wall"\n' + STAND: "object 1: name is missing",
+    "[default]\nskip = true\n" + STAND: "every object is skipped",
+    '[default]\nskip = true\nmaterial = "wood"' + STAND: "skip leaves no material and no class",
+    'up = "x"\n' + ALL + STAND: "up must be one of z, y, got 'x'",
+    "scale = 0\n" + ALL + STAND: "scale must be above 0, got 0",
+    "sacle = 2\n" + ALL + STAND: "unknown key 'sacle'; did you mean scale?",
+    ALL + "[drive]\nspeed_mps = 3": "drive: one of poses and waypoints must be given, got neither",
+    ALL + STAND + "waypoints = [[0, 0], [1, 1]]": "drive: one of poses and waypoints must be given, got both",
+    ALL + STAND + "speed_mps = 3": "drive: unknown key 'speed_mps'; allowed: poses, waypoints, z_m",
+    ALL + "[drive]\npose = [[0, 0, 0, 0], [9, 0, 0, 0]]": "yard.toml: drive: unknown key 'pose'; "
+    "did you mean poses? allowed: poses, waypoints, speed_mps, z_m",
+    ALL + "[drive]\nwaypoints = [[0, 0], [5, 0]]\nspeed = 3": "yard.toml: drive: unknown key 'speed'; "
+    "did you mean speed_mps? allowed: poses, waypoints, speed_mps, z_m",
+    ALL + "[drive]\nposes = [[0, 0, 0, 0]]": "drive: poses must be two or more, got 1",
+    ALL + "[drive]\nposes = [[0, 0, 0, 0], [1, 2, 3]]": "poses must be [[t_s, x_m, y_m, heading_deg], ...]",
+    ALL + "[drive]\nposes = [[1, 0, 0, 0], [2, 0, 0, 0]]": "poses must begin at t_s = 0, got 1",
+    ALL + "[drive]\nposes = [[0, 0, 0, 0], [2, 0, 0, 0], [2, 0, 0, 0]]": "t_s of row 3 is 2 after 2",
+    ALL + "[drive]\nposes = [[0, 0, 0, 0], [1, 400, 0, 0]]": "row 2 is reached at 400 m/s",
+    ALL + "[drive]\nwaypoints = [[0, 0], [5, 0]]": "drive: speed_mps is missing",
+    ALL + "[drive]\nwaypoints = [[0, 0], [5, 0]]\nspeed_mps = 0": "speed_mps must be above 0",
+    ALL + "[drive]\nwaypoints = [[0, 0], [0, 0]]\nspeed_mps = 1": "row 2 is nearer",
+    ALL + STAND + "z_m = 1e5": "yard.toml: drive: z_m must be between -10000 and 10000, got 100000",
+    ALL + STAND + "z_m = -10001": "yard.toml: drive: z_m must be between -10000 and 10000, got -10001",
+    ALL + STAND + '[[target]]\nkind = "plate"': "target 1: position_m is missing",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", BAD_TOML)
+def test_a_wrong_description_is_told(tmp_path: Path, text: str) -> None:
+    with pytest.raises(SceneError) as error:
+        _world(tmp_path, TRIANGLE, text)
+    assert BAD_TOML[text] in str(error.value)
+    assert "yard." in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_missing_files_and_other_formats_are_told(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text('file = "no.obj"' + ALL + STAND)
+    with pytest.raises(SceneError, match=r"no\.obj: cannot be read \(No such file"):
+        read_user_scene(tmp_path / "a.toml")
+    (tmp_path / "a.toml").write_text('file = "a.stl"' + ALL + STAND)
+    with pytest.raises(SceneError, match=r"a\.stl: meshes must be \.glb, \.gltf, \.obj, \.ply, got \.stl"):
+        read_user_scene(tmp_path / "a.toml")
+
+
+def test_a_mesh_that_changed_since_is_refused(tmp_path: Path) -> None:
+    _world(tmp_path, TRIANGLE)
+    scene = read_user_scene(tmp_path / "yard.toml")
+    (tmp_path / "yard.obj").write_text(TRIANGLE.replace("21", "22"))
+    with pytest.raises(SceneError, match=r"yard\.obj: changed since"):
+        build_own_scene(scene)
+
+
+def test_many_objects_without_a_rule_are_told_by_the_first_names(tmp_path: Path) -> None:
+    mesh = "v 20 0 0\nv 21 0 0\nv 20 0 1\n" + "".join(f"o thing{i}\nf 1 2 3\n" for i in range(9))
+    with pytest.raises(SceneError, match=r"'thing\d', .* and 4 more"):
+        _world(tmp_path, mesh, STAND)
+
+
+# ---------------------------------------------------------------------- drives
+
+
+def test_waypoints_are_driven_through_at_the_speed_given_looking_along() -> None:
+    points = ((0.0, 0.0), (10.0, 5.0), (25.0, 0.0), (30.0, -12.0))
+    drive = own_drive(DrivePlan(waypoints=points, speed_mps=4.0, z_m=1.5))
+    times = np.linspace(0, drive.duration_s, 4001)
+    pose, rate = drive.trajectory.pose(times), drive.trajectory.velocity(times)
+    for point in points:
+        assert np.hypot(*(pose[:, :2] - point).T).min() < 0.01
+    assert_allclose(np.hypot(*rate[:, :2].T), 4.0, rtol=2e-3)
+    assert_allclose(np.hypot(*np.diff(pose[:, :2], axis=0).T).sum(), 4.0 * drive.duration_s, rtol=1e-4)
+    lean = np.arctan2(rate[:, 1], rate[:, 0]) - pose[:, 3]
+    assert_allclose(np.cos(lean), 1.0, atol=1e-5)
+    track = drive.trajectory
+    turning = np.gradient(track.state[:, 3], track.time_s)
+    assert_allclose(track.rate[1:-1, 3], turning[1:-1], atol=2e-3)
+    assert_allclose(pose[:, 2], 1.5)
+
+
+def test_two_waypoints_make_a_straight_line() -> None:
+    drive = own_drive(DrivePlan(waypoints=((1.0, 1.0), (1.0, 21.0)), speed_mps=5.0))
+    assert_allclose(drive.duration_s, 4.0)
+    assert_allclose(drive.pose(np.array([0.0, 1.0, 4.0])), [[1, 1, 0, np.pi / 2], [1, 6, 0, np.pi / 2],
+                                                            [1, 21, 0, np.pi / 2]], atol=1e-9)  # fmt: skip
+
+
+def test_poses_are_met_and_what_stands_still_stays_still() -> None:
+    rows = ((0.0, 0.0, 0.0, 350.0), (2.0, 0.0, 0.0, 350.0), (4.0, 0.0, 0.0, 350.0), (6.0, 8.0, 1.0, 10.0),
+            (8.0, 16.0, 4.0, 20.0))  # fmt: skip
+    drive = own_drive(DrivePlan(poses=rows, z_m=0.5))
+    poses = np.array(rows)
+    pose = drive.pose(poses[:, 0])
+    assert_allclose(pose[:, :2], poses[:, 1:3], atol=1e-12)
+    # 350 to 10 degrees is a turn of 20 degrees to the left, not of 340 to the right.
+    assert_allclose(np.degrees(np.diff(pose[:, 3])), [0, 0, 20, 10], atol=1e-9)
+    assert_allclose(drive.pose(np.linspace(0, 2, 50))[:, :2], 0.0, atol=1e-12)
+    before, after = drive.trajectory.velocity(np.array([6 - 1e-6, 6 + 1e-6]))
+    assert_allclose(before, after, atol=1e-3)
+
+
+@pytest.mark.parametrize("z_m", [1.0001e4, -np.inf, np.nan])
+def test_a_plan_too_high_or_deep_is_refused(z_m: float) -> None:
+    with pytest.raises(ValueError, match="z_m must be between -10000 and 10000"):
+        DrivePlan(waypoints=((0.0, 0.0), (9.0, 0.0)), speed_mps=1.0, z_m=z_m)
+    assert DrivePlan(z_m=-1e4).z_m == -1e4
+
+
+@pytest.mark.parametrize(
+    ("low", "size", "hit"),
+    [
+        ((20, -5, 0), (0.5, 10, 3), True),  # a wall across the way
+        ((20, 1.2, 0), (0.5, 10, 3), False),  # beside it
+        ((20, 0.9, 0), (0.5, 10, 3), True),  # the car is 2 m wide
+        ((20, -5, 0), (0.5, 10, 0.25), False),  # a kerb
+        ((20, -5, 2.5), (0.5, 10, 1), False),  # a beam above the antenna
+        ((20, -0.5, 2.5), (0.5, 1, 1), False),  # one that has its ends there as well
+        ((20, -5, 1.5), (0.5, 10, 1), True),  # a beam that takes the antenna off
+        ((33, -5, 0), (0.5, 10, 3), False),  # the front of the car stops 0.6 m short of it
+        ((20, 0, 0.5), (0.01, 0.01, 0.3), True),  # a thing smaller than the steps
+    ],
+)
+def test_the_car_meets_what_is_in_its_way(
+    tmp_path: Path, low: tuple[float, float, float], size: tuple[float, float, float], *, hit: bool
+) -> None:
+    text = ALL + "[drive]\nwaypoints = [[0, 0], [30, 0]]\nspeed_mps = 10\n"
+    world = _world(tmp_path, _bytes(_box(low=low, size=size), "obj"), text)
+    contact = first_contact(world.town, world.drive.trajectory, until_s=3.0, height_m=2.0)
+    assert (contact is not None) == hit
+    if contact is not None:
+        assert world.names[contact.instance] == "yard"
+        # The front, 2.4 m ahead of the middle, gets there first.
+        assert_allclose(contact.place_m, (low[0] - 2.4, 0.0), atol=0.15)
+        assert_allclose(contact.time_s, (low[0] - 2.4) / 10, atol=0.015)
+
+
+def test_a_slope_is_met_where_it_is_higher_than_what_is_driven_over(tmp_path: Path) -> None:
+    ramp = "v 10 -9 0\nv 40 -9 3\nv 40 9 3\nv 10 9 0\nf 1 2 3 4\n"  # 0.3 m high at x = 13
+    world = _world(tmp_path, ramp, ALL + "[drive]\nwaypoints = [[0, 0], [30, 0]]\nspeed_mps = 10\n")
+    contact = first_contact(world.town, world.drive.trajectory, until_s=3.0, height_m=2.0)
+    assert contact is not None
+    assert_allclose(contact.place_m[0] + 2.4, 13.0, atol=0.15)
+
+
+def test_only_what_is_met_in_time_counts_and_points_count_too(tmp_path: Path) -> None:
+    world = _world(
+        tmp_path,
+        TRIANGLE.replace("v 2", "v 9"),
+        ALL + "[drive]\nwaypoints = [[0, 0], [30, 0]]\nspeed_mps = 10\n",
+    )
+    town = with_targets(world.town, [Target(kind="point", position_m=(20.0, 0.5, 1.0))])
+    track = world.drive.trajectory
+    assert first_contact(town, track, until_s=1.7, height_m=2.0) is None
+    contact = first_contact(town, track, until_s=1.8, height_m=2.0)
+    assert contact is not None
+    assert contact.instance == town.targets[0].instance
+    assert first_contact(town, track, until_s=3.0, height_m=2.0, since=contact.instance + 1) is None

@@ -1,0 +1,216 @@
+"""Scans, time stamps and odometry in the Oxford layout: byte by byte, there and back, and damage."""
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from PIL import Image
+
+from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.layouts.oxford import (
+    ODOMETRY_HEADER,
+    OdometryRow,
+    Oxford,
+    read_odometry,
+    read_png,
+    read_timestamps,
+    relative_pose,
+    write_odometry,
+    write_png,
+    write_timestamps,
+)
+from echoscape.sim.sensor.cts350x import CTS350X
+from tests.sim.scans import START_US, drawn_scan
+
+EASTWARD = np.array([10.0, 20.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("radar") / f"{START_US}.png"
+    write_png(path, drawn_scan())
+    return path
+
+
+def test_picture_has_time_encoder_validity_and_codes_in_their_columns(picture: Path) -> None:
+    scan = drawn_scan()
+    with Image.open(picture) as image:
+        assert (image.mode, image.size) == ("L", (11 + 3768, 400))
+        pixels = np.asarray(image)
+    second = [int.from_bytes(bytes(pixels[row, :8]), "little") for row in range(400)]
+    assert second == [START_US + 625 * row for row in range(400)]
+    assert [int(pixels[row, 8]) + 256 * int(pixels[row, 9]) for row in (0, 1, 399)] == [13, 27, 5599]
+    assert_array_equal(pixels[:, 10], np.where(scan.valid, 255, 0))
+    assert_array_equal(pixels[:, 11:], scan.codes)
+
+
+def test_scan_is_read_as_it_was_written(picture: Path) -> None:
+    written, read = drawn_scan(), read_png(picture)
+    for name in ("codes", "timestamp_us", "encoder", "valid"):
+        assert_array_equal(getattr(read, name), getattr(written, name))
+        assert getattr(read, name).dtype == getattr(written, name).dtype
+    assert read.bin_m == written.bin_m
+
+
+def test_same_scan_gives_same_bytes(picture: Path, tmp_path: Path) -> None:
+    write_png(tmp_path / "again.png", drawn_scan())
+    assert (tmp_path / "again.png").read_bytes() == picture.read_bytes()
+    assert [path.name for path in tmp_path.iterdir()] == ["again.png"]
+
+
+@pytest.mark.parametrize("kept", [0, 7, 100, 5000, -2000])
+def test_cut_picture_is_refused_by_name(picture: Path, tmp_path: Path, kept: int) -> None:
+    cut = tmp_path / "cut.png"
+    cut.write_bytes(picture.read_bytes()[:kept])
+    with pytest.raises(DatasetError, match=r"cut\.png: not a whole PNG"):
+        read_png(cut)
+
+
+@pytest.mark.parametrize(
+    ("mode", "size", "message"),
+    [
+        ("L", (3700, 400), r"3779 columns .* this file has 400 and 3700"),
+        ("L", (3779, 399), r"400 rows .* this file has 399"),
+        ("RGB", (3779, 400), "mode RGB"),
+        ("I;16", (3779, 400), "mode I;16"),
+    ],
+)
+def test_other_pictures_are_refused_by_name(
+    tmp_path: Path, mode: str, size: tuple[int, int], message: str
+) -> None:
+    path = tmp_path / "other.png"
+    Image.new(mode, size).save(path)
+    with pytest.raises(DatasetError, match=rf"other\.png: .*{message}"):
+        read_png(path)
+
+
+def test_absent_picture_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r"nowhere\.png: no such scan"):
+        read_png(tmp_path / "nowhere.png")
+
+
+def test_time_stamps_are_one_a_line_and_valid(tmp_path: Path) -> None:
+    path = tmp_path / "radar.timestamps"
+    write_timestamps(path, [START_US, START_US + 250_000])
+    assert path.read_text() == f"{START_US} 1\n{START_US + 250_000} 1\n"
+    assert read_timestamps(path) == [START_US, START_US + 250_000]
+
+
+@pytest.mark.parametrize("line", ["", "12", "12 1 1", "noon 1"])
+def test_senseless_time_stamps_are_refused_by_name_and_line(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "radar.timestamps"
+    path.write_text(f"12 1\n{line}\n")
+    with pytest.raises(DatasetError, match=r"radar\.timestamps: line 2"):
+        read_timestamps(path)
+
+
+def _moved(pose: np.ndarray, *by: float) -> np.ndarray:
+    return pose + np.array(by)
+
+
+def test_driving_straight_on_moves_along_positive_x() -> None:
+    assert_allclose(relative_pose(EASTWARD, _moved(EASTWARD, 1, 0, 0, 0)), (1, 0, 0, 0), atol=1e-12)
+
+
+def test_driving_straight_on_northward_moves_along_positive_x() -> None:
+    north = np.array([3.0, -4.0, 0.0, math.pi / 2])
+    assert_allclose(relative_pose(north, _moved(north, 0, 2, 0, 0)), (2, 0, 0, 0), atol=1e-12)
+
+
+def test_what_is_right_has_positive_y_and_turning_right_positive_yaw() -> None:
+    # Heading east, right is south; a right turn makes the counter-clockwise world yaw smaller.
+    x, y, z, yaw = relative_pose(EASTWARD, _moved(EASTWARD, 1, -0.5, 0, -0.1))
+    assert_allclose((x, y, z, yaw), (1, 0.5, 0, 0.1), atol=1e-12)
+
+
+def test_climbing_has_negative_z() -> None:
+    assert relative_pose(EASTWARD, _moved(EASTWARD, 0, 0, 0.3, 0))[2] == pytest.approx(-0.3)
+
+
+@given(*[st.floats(-30, 30) for _ in range(6)])
+def test_relative_poses_chain(x1: float, y1: float, a1: float, x2: float, y2: float, a2: float) -> None:
+    first, second, third = EASTWARD, np.array([x1, y1, 0.0, a1]), np.array([x2, y2, 0.0, a2])
+    chained = _matrix(relative_pose(first, second)) @ _matrix(relative_pose(second, third))
+    assert_allclose(chained, _matrix(relative_pose(first, third)), atol=1e-9)
+
+
+def _matrix(pose: tuple[float, float, float, float]) -> np.ndarray:
+    """The planar pose as T_earlier_later in axes x forward, y right, angles from x to y."""
+    x, y, _, yaw = pose
+    return np.array([[math.cos(yaw), -math.sin(yaw), x], [math.sin(yaw), math.cos(yaw), y], [0, 0, 1]])
+
+
+def test_odometry_has_the_header_and_the_later_frame_first(tmp_path: Path) -> None:
+    path = tmp_path / "radar_odometry.csv"
+    write_odometry(path, [ROW])
+    assert path.read_text() == (
+        "source_timestamp,destination_timestamp,x,y,z,roll,pitch,yaw,"
+        "source_radar_timestamp,destination_radar_timestamp\n"
+        "374,124,1.500000,0.004842,0.000000,0.000000,0.000000,-0.100000,250,0\n"
+    )
+    assert len(ODOMETRY_HEADER) == 10
+    assert read_odometry(path) == [ROW]
+
+
+ROW = OdometryRow(
+    source_us=374,
+    destination_us=124,
+    x=1.5,
+    y=0.004842,
+    z=0.0,
+    roll=0.0,
+    pitch=0.0,
+    yaw=-0.1,
+    source_radar_us=250,
+    destination_radar_us=0,
+)
+
+
+@pytest.mark.parametrize("line", ["1,2,3", "374,124,x,0,0,0,0,0,250,0", "1.5,1,0,0,0,0,0,0,1,2", ",,,,,,,,,"])
+def test_senseless_odometry_is_refused_by_name_and_line(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "radar_odometry.csv"
+    path.write_text(",".join(ODOMETRY_HEADER) + f"\n{line}\n")
+    with pytest.raises(DatasetError, match=r"radar_odometry\.csv: line 2"):
+        read_odometry(path)
+
+
+@pytest.mark.parametrize("text", ["", "a,b,c\n"])
+def test_odometry_without_its_header_is_refused_by_name(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "radar_odometry.csv"
+    path.write_text(text)
+    with pytest.raises(DatasetError, match=r"radar_odometry\.csv: the header"):
+        read_odometry(path)
+
+
+def test_poses_chain_from_the_first_pair_that_has_a_row(tmp_path: Path) -> None:
+    stems = [str(START_US + 250_000 * k) for k in range(5)]
+    rows = [
+        OdometryRow(
+            source_us=int(later),
+            destination_us=int(earlier),
+            x=2.0,
+            y=0.0,
+            z=0.0,
+            roll=0.0,
+            pitch=0.0,
+            yaw=0.0,
+            source_radar_us=int(later),
+            destination_radar_us=int(earlier),
+        )
+        for earlier, later in pairwise(stems[1:4])
+    ]
+    (tmp_path / "gt").mkdir()
+    write_odometry(tmp_path / "gt" / "radar_odometry.csv", rows)
+    poses = Oxford().read_poses(tmp_path, stems, CTS350X)
+    assert poses is not None
+    assert_array_equal(np.isfinite(poses).all(axis=1), [False, True, True, True, False])
+    assert_allclose(poses[1:4, 0], [0, 2, 4])
+    write_odometry(tmp_path / "gt" / "radar_odometry.csv", [])
+    nothing = Oxford().read_poses(tmp_path, stems, CTS350X)
+    assert nothing is not None
+    assert np.isnan(nothing).all()

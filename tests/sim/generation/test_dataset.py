@@ -1,0 +1,354 @@
+"""Datasets: what the folder holds, the same bytes however it was made, resuming, and what is refused."""
+
+import json
+import math
+import multiprocessing
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from echoscape.scenes.core.targets import Target
+from echoscape.scenes.traffic.plan import TrafficSettings
+from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.files.metadata import read_manifest, sensor_of
+from echoscape.sim.datasets.files.truth_npz import read_truth
+from echoscape.sim.datasets.layouts.oxford import read_odometry, read_png, read_timestamps
+from echoscape.sim.generation import setup as stage
+from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.dataset import write_dataset
+from echoscape.sim.generation.manifest import difference, manifest
+from echoscape.sim.generation.workers import WorkerError, whole_scans
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.settings.tracing import TraceSettings
+
+RECIPE = Recipe(preset="empty", seed=3, scans=4, trace=TraceSettings(rays=16))
+OPTIONS = ["--preset", "empty", "--seed", "3", "--scans", "4", "--trace.rays", "16", "--no-preview"]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("made") / "set"
+    write_dataset(out, RECIPE)
+    return out
+
+
+def _bytes(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def _assert_same_bytes(folder: Path, other: Path) -> None:
+    first, second = _bytes(folder), _bytes(other)
+    assert first.keys() == second.keys()
+    assert [name for name in first if first[name] != second[name]] == []
+
+
+def test_folder_holds_what_is_promised(made: Path) -> None:
+    stamps = read_timestamps(made / "radar.timestamps")
+    names = {
+        "echoscape.json",
+        "scene.glb",
+        "movers.csv",
+        "tracks.csv",
+        "radar.timestamps",
+        "gt/radar_odometry.csv",
+        *(f"radar/{stamp}.png" for stamp in stamps),
+        *(f"truth/{stamp}.npz" for stamp in stamps),
+    }
+    assert len(stamps) == 4
+    assert set(_bytes(made)) == names
+
+
+def test_scan_is_named_after_its_first_row_and_odometry_after_its_middle(made: Path) -> None:
+    stamps = read_timestamps(made / "radar.timestamps")
+    rows = read_odometry(made / "gt" / "radar_odometry.csv")
+    assert [(row.source_radar_us, row.destination_radar_us) for row in rows] == list(
+        zip(stamps[1:], stamps[:-1], strict=True)
+    )
+    for stamp, row in zip(stamps[1:], rows, strict=True):
+        scan = read_png(made / "radar" / f"{stamp}.png")
+        assert scan.timestamp_us[0] == stamp
+        assert row.source_us == pytest.approx((scan.timestamp_us[0] + scan.timestamp_us[-1]) / 2, abs=1)
+
+
+def test_odometry_leads_from_pose_to_pose(made: Path) -> None:
+    rows = read_odometry(made / "gt" / "radar_odometry.csv")
+    truths = [
+        read_truth(made / "truth" / f"{stamp}.npz") for stamp in read_timestamps(made / "radar.timestamps")
+    ]
+    x, y, _, yaw = truths[0].middle_pose
+    for row in rows:  # y is right and yaw clockwise, the world's are left and counter-clockwise
+        x += math.cos(yaw) * row.x + math.sin(yaw) * row.y
+        y += math.sin(yaw) * row.x - math.cos(yaw) * row.y
+        yaw -= row.yaw
+        assert row.x > 0
+    # Three rows of six decimals.
+    assert_allclose((x, y, yaw), truths[-1].middle_pose[[0, 1, 3]], atol=1e-5)
+
+
+def test_manifest_tells_recipe_versions_and_names_but_nothing_of_the_machine(made: Path) -> None:
+    content = read_manifest(made)
+    assert content["recipe"]["seed"] == 3
+    assert content["recipe"]["trace"]["rays"] == 16
+    assert content["components"][:3] == ["noise", "leakage", "direct"]
+    assert content["classes"][0] == "none"
+    assert {"python", "numpy", "mitsuba", "drjit", "llvm", "echoscape"} <= content["versions"].keys()
+    assert sensor_of(content) == CTS350X
+    assert str(made.parent) not in json.dumps(content)
+    assert not {"host", "user", "time", "date", "path"} & _keys(content)
+
+
+def test_tracks_hold_the_car_and_its_poses(made: Path) -> None:
+    lines = (made / "tracks.csv").read_text().splitlines()
+    assert lines[0].startswith("timestamp_us,instance,x_m,y_m,z_m,yaw_rad")
+    car = np.array(
+        [[float(word) for word in line.split(",")] for line in lines[1:] if line.split(",")[1] == "0"]
+    )
+    truth = read_truth(made / "truth" / f"{read_timestamps(made / 'radar.timestamps')[0]}.npz")
+    assert_allclose(car[0, 2:4], truth.pose[0, :2], atol=1e-3)
+
+
+def test_resuming_a_whole_dataset_changes_nothing(made: Path) -> None:
+    before = _bytes(made)
+    write_dataset(made, RECIPE, resume=True)
+    assert _bytes(made) == before
+
+
+def _keys(content: object) -> set[str]:
+    if not isinstance(content, dict):
+        return set()
+    return {*content}.union(*(_keys(value) for value in content.values()))
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_bytes_do_not_depend_on_threads(made: Path, tmp_path: Path, threads: int) -> None:
+    write_dataset(tmp_path, RECIPE, threads=threads)
+    _assert_same_bytes(tmp_path, made)
+
+
+def test_bytes_do_not_depend_on_workers(made: Path, tmp_path: Path) -> None:
+    write_dataset(tmp_path / "new" / "set", RECIPE, workers=2)
+    _assert_same_bytes(tmp_path / "new" / "set", made)
+
+
+def _start(out: Path, *options: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "echoscape.cli.__main__", "simulate", str(out), *OPTIONS, *options]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def _wait_for_scan(out: Path, process: subprocess.Popen[str]) -> None:
+    end = time.monotonic() + 120
+    while not list(out.glob("radar/*.png")):
+        assert time.monotonic() < end
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_killed_run_resumes_to_the_same_bytes(made: Path, tmp_path: Path, workers: str) -> None:
+    out, whole = tmp_path, dict[Path, int]()
+    for attempt in range(5):  # on a busy machine all four scans may be there before anybody looks
+        out = tmp_path / str(attempt)
+        process = _start(out, "--workers", workers)
+        _wait_for_scan(out, process)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        whole = {path: path.stat().st_mtime_ns for path in out.glob("radar/*.png")}
+        if len(whole) < RECIPE.scans:
+            break
+    assert 0 < len(whole) < RECIPE.scans
+    write_dataset(out, RECIPE, resume=True)
+    assert {path: path.stat().st_mtime_ns for path in whole} == whole
+    _assert_same_bytes(out, made)
+
+
+def test_interrupted_run_ends_with_130_and_a_hint(tmp_path: Path) -> None:
+    # Where the tests run in the background of a script, SIGINT is ignored, and that is inherited.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        process = _start(tmp_path, "--scans", "200")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    _wait_for_scan(tmp_path, process)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "--resume" in errors
+    assert "Traceback" not in errors
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_worker_that_dies_ends_the_run(tmp_path: Path) -> None:
+    # Whether the one that is killed makes a scan yet or still starts depends on how fast the other one was.
+    killed: list[str] = []
+
+    def kill_one(stage: str, done: int, total: int) -> None:
+        if stage == "scans" and done and not killed:
+            one = multiprocessing.active_children()[0]
+            killed.append(one.name)
+            os.kill(one.pid or 0, signal.SIGKILL)
+
+    with pytest.raises(
+        WorkerError, match=r"worker \d died while (starting|making scan \d) \(signal SIGKILL\)"
+    ) as told:
+        write_dataset(tmp_path, RECIPE, workers=2, progress=kill_one)
+    assert str(told.value).startswith(killed[0])
+    assert multiprocessing.active_children() == []
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_other_recipe_is_not_resumed_and_the_setting_is_named(made: Path) -> None:
+    before = _bytes(made)
+    other = Recipe(preset="empty", seed=3, scans=4, trace=TraceSettings(rays=25))
+    with pytest.raises(DatasetError, match=r"trace\.rays was 16, now it is 25"):
+        write_dataset(made, other, resume=True)
+    assert _bytes(made) == before
+
+
+def test_of_lists_the_first_entry_and_field_that_differ_are_named() -> None:
+    near = Target(kind="sphere", position_m=(20.0, 1.0, 2.0), size_m=(0.3,))
+    far = Target(kind="point", position_m=(60.0, 0.0, 2.0))
+    moved = replace(far, position_m=(60.0, 0.5, 2.0))
+
+    def told(before: tuple[Target, ...], after: tuple[Target, ...]) -> str | None:
+        return difference(*(manifest(replace(RECIPE, targets=each)) for each in (before, after)))
+
+    assert told((near, far), (near, moved)) == "targets[1].position_m[1] was 0.0, now it is 0.5"
+    assert told((near, far), (replace(near, kind="point", size_m=()), far)) == (
+        "targets[0].kind was 'sphere', now it is 'point'"
+    )
+    assert told((near,), (near, far, moved)) == "targets had 1 entry, now it has 3"
+    assert told((near, far), ()) == "targets had 2 entries, now it has 0"
+    assert told((near, far), (near, far)) is None
+
+
+def test_full_folder_is_refused_and_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "diary.txt").write_text("dear")
+    with pytest.raises(DatasetError, match="OUT must be empty or new"):
+        write_dataset(tmp_path, RECIPE)
+    with pytest.raises(DatasetError, match="is no dataset"):
+        write_dataset(tmp_path, RECIPE, resume=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_nothing_is_left_when_the_first_step_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool
+) -> None:
+    def fail(*arguments: object, **settings: object) -> None:
+        raise ArithmeticError("no town")
+
+    monkeypatch.setattr(stage, "build_town", fail)
+    out = tmp_path / "a" / "b"
+    if there:
+        out.mkdir(parents=True)
+    with pytest.raises(ArithmeticError):
+        write_dataset(out, RECIPE)
+    assert out.exists() == there
+    assert (tmp_path / "a").exists() == there
+    assert not there or list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize(("workers", "threads", "name"), [(0, None, "workers"), (1, 0, "threads")])
+def test_fewer_than_one_worker_or_thread_is_refused(
+    tmp_path: Path, workers: int, threads: int | None, name: str
+) -> None:
+    with pytest.raises(ValueError, match=f"{name} must be 1 or more, got 0"):
+        write_dataset(tmp_path / "set", RECIPE, workers=workers, threads=threads)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
+def test_senseless_traffic_is_refused_by_name(value: float) -> None:
+    with pytest.raises(ValueError, match="vehicles_per_km2 must be between 0 and 1000"):
+        Recipe(traffic=TrafficSettings(vehicles_per_km2=value))
+
+
+@pytest.mark.slow
+def test_town_has_the_same_bytes_from_one_and_two_workers(tmp_path: Path) -> None:
+    recipe = Recipe(preset="town", seed=7, scans=3)
+    write_dataset(tmp_path / "one", recipe)
+    write_dataset(tmp_path / "two", recipe, workers=2)
+    _assert_same_bytes(tmp_path / "one", tmp_path / "two")
+
+
+@pytest.mark.parametrize("lost", ["truth", "radar", "scene.glb", "tracks.csv"])
+def test_resume_makes_whatever_is_missing(made: Path, tmp_path: Path, lost: str) -> None:
+    out = tmp_path / "set"
+    write_dataset(out, RECIPE)
+    path = out / lost
+    (sorted(path.iterdir())[1] if path.is_dir() else path).unlink()
+    write_dataset(out, RECIPE, resume=True)
+    _assert_same_bytes(out, made)
+
+
+@pytest.fixture(scope="module")
+def with_beat(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("beat") / "set"
+    write_dataset(out, replace(RECIPE, keep_beat=True))
+    return out
+
+
+@pytest.mark.parametrize("kind", ["radar", "truth", "beat"])
+def test_resume_makes_again_what_was_cut_short(with_beat: Path, tmp_path: Path, kind: str) -> None:
+    out = Path(shutil.copytree(with_beat, tmp_path / "set"))
+    recipe = replace(RECIPE, keep_beat=True)
+    nothing, half, nearly, whole = sorted((out / kind).iterdir())
+    for path, size in ((nothing, 0), (half, half.stat().st_size // 2), (nearly, nearly.stat().st_size - 1)):
+        os.truncate(path, size)
+    assert whole_scans(out, recipe) == {whole.stem}
+    before = whole.stat().st_mtime_ns
+    write_dataset(out, recipe, resume=True)
+    assert whole.stat().st_mtime_ns == before
+    _assert_same_bytes(out, with_beat)
+
+
+def test_failed_start_leaves_other_peoples_datasets_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    neighbour = tmp_path / "sets" / "other" / "finished.txt"
+
+    def build(preset: str, *, seed: int) -> None:
+        neighbour.parent.mkdir()
+        neighbour.write_text("a day's work")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(stage, "build_town", build)
+    with pytest.raises(KeyboardInterrupt):
+        write_dataset(tmp_path / "sets" / "mine", RECIPE)
+    assert neighbour.read_text() == "a day's work"
+    assert not (tmp_path / "sets" / "mine").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "scan_lost"),
+    [("movers.csv", False), ("tracks.csv", False), ("tracks.csv", True), ("scene.glb", False)],
+)
+def test_resume_makes_again_what_was_cut_short_of_the_scenery(
+    made: Path, tmp_path: Path, name: str, scan_lost: bool
+) -> None:
+    out = Path(shutil.copytree(made, tmp_path / "set"))
+    os.truncate(out / name, (out / name).stat().st_size - 1)
+    if scan_lost:
+        next((out / "radar").iterdir()).unlink()
+    write_dataset(out, RECIPE, resume=True)
+    _assert_same_bytes(out, made)
+
+
+def test_resume_makes_a_scan_again_whose_picture_is_damaged(made: Path, tmp_path: Path) -> None:
+    out = Path(shutil.copytree(made, tmp_path / "set"))
+    damaged, *others = sorted((out / "radar").iterdir())
+    data = bytearray(damaged.read_bytes())
+    data[5000] ^= 0xFF
+    damaged.write_bytes(data)
+    assert whole_scans(out, RECIPE) == {path.stem for path in others}
+    write_dataset(out, RECIPE, resume=True)
+    _assert_same_bytes(out, made)

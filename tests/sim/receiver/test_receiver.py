@@ -1,0 +1,141 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import signal as sig
+
+from echoscape.sim.echoes import point_echoes
+from echoscape.sim.receiver.if_signal import beat, echo_grid, grid_place, sample_times, spectrum
+from echoscape.sim.receiver.phase_noise import phase_noise, with_phase
+from echoscape.sim.receiver.quantiser import codes
+from echoscape.sim.receiver.receiver import PART_STEP, Received, receive
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.link_budget import full_scale_amplitude, range_gain, units_per_watt
+from echoscape.sim.settings.artefacts import Artefacts
+
+FLAT = replace(CTS350X, range_gain_db=((0.0, 0.0), (163.0, 0.0)), sweep_ripple_db=())
+SMALL = replace(FLAT, azimuths=8)
+QUIET = Artefacts(thermal_noise=False, leakage=False, phase_noise=False, saturation=False, quantisation=False)
+
+
+def received(
+    range_m: list[float], power_w: list[float], artefacts: Artefacts, sensor=SMALL, seed: int = 0
+) -> Received:
+    """What the receiver makes of echoes that are the same in every row."""
+    rows = np.repeat(np.arange(sensor.azimuths), len(range_m))
+    amplitude = np.sqrt(np.tile(power_w, sensor.azimuths))
+    echoes = point_echoes(
+        row=rows, range_m=np.tile(range_m, sensor.azimuths), amplitude=amplitude, azimuths=sensor.azimuths
+    )
+    rngs = [np.random.default_rng([seed, k]) for k in (0, 1)]
+    return receive(echo_grid(echoes, sensor), sensor, artefacts, noise_rng=rngs[0], phase_rng=rngs[1])
+
+
+def test_noise_has_the_measured_law_and_code_shares() -> None:
+    noise = received([], [], Artefacts(leakage=False), sensor=FLAT).power
+    # Neighbouring bins are correlated over some 6: 400 x 3768 / 6 independent draws.
+    assert noise.mean() == pytest.approx(FLAT.noise_units, rel=0.01)
+    assert noise.std() / noise.mean() == pytest.approx(1.0, rel=0.02)  # exponential
+    far = noise * 10 ** (
+        CTS350X.range_gain_db[-1][1] / 10
+    )  # as the far range has it, where shares are measured
+    counts = np.bincount(codes(far).ravel(), minlength=19) / noise.size
+    # n = floor(P + 0.74), P exponential: the share of code 0 is P < 1.26, of 6 is 1.26 <= P < 2.26, ...
+    edges = np.exp(-np.array([0, 1.26, 2.26, 3.26, 4.26, 5.26]) / far.mean())
+    np.testing.assert_allclose(counts[[0, 6, 9, 12, 14]], edges[:-1] - edges[1:], rtol=0.03)
+    np.testing.assert_allclose(counts[[0, 6, 9, 12, 14]], [0.601, 0.203, 0.099, 0.048, 0.024], rtol=0.15)
+
+
+def test_echo_has_its_power_over_thermal_noise() -> None:
+    # SNR after the transform = P T / (ENBW k T0 F): Hann's noise bandwidth is 1.5 cells.
+    power_w = 1e-13
+    noise_w_hz = 1.380649e-23 * 290 * 10 ** (FLAT.noise_figure_db / 10)
+    expected = power_w * FLAT.sweep_s / (1.5 * noise_w_hz) * FLAT.noise_units
+    at = (1000 + 0.5) * FLAT.bin_m
+    found = received([at], [power_w], QUIET).power[0, 1000]
+    # A rest of the sweep shorter than two samples goes unused; the grid's aliases add up to 0.5 %.
+    assert power_w * units_per_watt(FLAT) == pytest.approx(expected, rel=2 / FLAT.samples)
+    assert found == pytest.approx(expected, rel=0.01)
+
+
+def test_gain_by_range_scales_everything_alike() -> None:
+    shaped = replace(SMALL, range_gain_db=((0.0, 0.0), (50.0, 6.0), (163.0, 6.0)))
+    flat, scaled = received([90.0], [1e-13], QUIET), received([90.0], [1e-13], QUIET, sensor=shaped)
+    ranges = (np.arange(SMALL.bins) + 0.5) * SMALL.bin_m
+    np.testing.assert_allclose(scaled.power, flat.power * range_gain(shaped, ranges), rtol=1e-5)
+
+
+def replace_artefacts(artefacts: Artefacts, **changes: bool) -> Artefacts:
+    return replace(artefacts, **changes)
+
+
+def test_weak_echoes_do_not_clip() -> None:
+    found = received(
+        [20.0], [1e-3 * full_scale_amplitude(SMALL) ** 2], replace_artefacts(QUIET, saturation=True)
+    )
+    assert not found.saturated.any()
+    assert found.distortion.max() < 1e-4 * found.power.max()
+
+
+def test_phase_noise_filter_is_the_sum_over_echoes_with_their_own_delays() -> None:
+    rng = np.random.default_rng(2)
+    ranges, sensor = np.array([7.0, 41.3, 80.2]), replace(SMALL, azimuths=1)
+    echoes = point_echoes(row=np.zeros(3), range_m=ranges, amplitude=np.array([1.0, 0.5j, -0.3]), azimuths=1)
+    # Strong, so that small-angle shortcuts would show; slow, so that no sideband passes half the rate.
+    slow = np.fft.rfft(10 * phase_noise(sensor, rows=1, count=2048, rng=rng))
+    slow[:, 300:] = 0
+    phase = np.fft.irfft(slow).astype(np.float32)
+    found = with_phase(echo_grid(echoes, sensor), sensor, phase)[0]
+    frequency = np.fft.fftfreq(2048, 1 / sensor.sample_hz)
+    inside = slice(1024 - sensor.samples // 2, 1024 + sensor.samples // 2)
+    expected = np.zeros(sensor.samples)
+    for place, amplitude in zip(grid_place(ranges, sensor), echoes.amplitude, strict=True):
+        tau = place / sensor.fft_size * sensor.sample_hz / sensor.slope_hz_s
+        late = np.fft.ifft(np.fft.fft(phase[0]) * np.exp(-2j * math.pi * frequency * tau)).real
+        turned = (
+            2j * math.pi * place * sample_times(sensor) / sensor.fft_size + 1j * (phase[0] - late)[inside]
+        )
+        expected += math.sqrt(2) * (complex(amplitude) * np.exp(turned)).real
+    middle = slice(60, -60)
+    assert np.abs(found - expected)[middle].max() < 0.015 * np.abs(expected).max()
+
+
+def test_phase_noise_has_its_density() -> None:
+    phase = phase_noise(CTS350X, rows=400, count=2048, rng=np.random.default_rng(4))
+    frequency, density = sig.welch(phase, CTS350X.sample_hz, nperseg=2048, axis=1)
+    level = 10 * np.log10(density.mean(axis=0) / 2)  # one-sided density is twice the single-sideband level
+    assert level[np.searchsorted(frequency, 60e3)] == pytest.approx(
+        CTS350X.phase_noise_dbc_hz - 0.17, abs=0.6
+    )
+    assert level[np.searchsorted(frequency, 1.5e6)] == pytest.approx(
+        CTS350X.phase_noise_dbc_hz - 14.15, abs=0.6
+    )
+
+
+def test_switching_one_artefact_off_leaves_the_others_draws_alone() -> None:
+    both = received([30.0], [1e-12], Artefacts(leakage=False))
+    without = received([30.0], [1e-12], Artefacts(leakage=False, phase_noise=False))
+    assert np.array_equal(both.noise, without.noise)
+
+
+def test_parts_add_up_in_amplitude() -> None:
+    sensor = replace(SMALL, azimuths=1)
+    grid = echo_grid(
+        point_echoes(row=np.zeros(1), range_m=np.array([50.0]), amplitude=np.array([1e-7]), azimuths=1),
+        sensor,
+    )
+    clean = spectrum(beat(grid, sensor), sensor, step=PART_STEP)
+    found = receive(
+        grid,
+        sensor,
+        replace_artefacts(QUIET, thermal_noise=True),
+        noise_rng=np.random.default_rng(0),
+        phase_rng=np.random.default_rng(1),
+    )
+    strong = np.abs(clean) > np.abs(clean).max() * 1e-3
+    echo_units = found.echo[strong] / np.abs(clean[strong]) ** 2
+    assert np.ptp(echo_units) < 1e-3 * echo_units.max()
+    # |a + b|^2 lies between (|a| - |b|)^2 and (|a| + |b|)^2.
+    high = (np.sqrt(found.echo) + np.sqrt(found.noise)) ** 2
+    assert (found.power[:, ::PART_STEP] <= high * (1 + 1e-4) + 1e-4).all()
