@@ -43,7 +43,7 @@ fidelity: $(READY)
 # Scans to learn from, to choose weights and following by, and to judge on (docs/learning.md): 30 towns of 400, 3 of
 # 100 and 4 of 600, 4 of 600; some 40 GB. A set that was stopped goes on.
 TRAINING ?= build/training
-VARIED = $(BIN)/echoscape simulate --vary --no-preview --workers 2 --resume
+VARIED = $(BIN)/echoscape simulate --randomize --no-preview --workers 2 --resume
 training-set: $(READY)
 	for seed in $$(seq 2001 2010); do $(VARIED) $(TRAINING)/train_town_$$seed --seed $$seed --scans 400 || exit 1; \
 		$(VARIED) $(TRAINING)/train_suburb_$$((seed + 100)) --preset suburb --seed $$((seed + 100)) --scans 400 || exit 1; \

@@ -48,8 +48,8 @@ class RecipeFlags(Recipe):
     """Comes from a file."""
     targets: tyro.conf.Suppress[tyro.conf.Fixed[tuple[AnyTarget, ...]]] = ()
     """Come from a file."""
-    varied: tyro.conf.Suppress[tyro.conf.Fixed[bool]] = False
-    """Told by --vary."""
+    randomized: tyro.conf.Suppress[tyro.conf.Fixed[bool]] = False
+    """Set by --randomize."""
 
     def __post_init__(self) -> None:
         """Leave the checks to the recipe that is made of the flags and the files."""

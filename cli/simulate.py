@@ -36,7 +36,7 @@ class Options:
     """TOML file of a scene of one's own, in the place of a preset; its keys: docs/scenes.md."""
     targets: Path | None = None
     """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
-    vary: bool = False
+    randomize: bool = False
     """Draw sensor, artefacts and surfaces about those given, by the seed: for training that must carry over
     to real radar (docs/fidelity.md)."""
     workers: int = 1
@@ -57,7 +57,7 @@ def main(arguments: Sequence[str]) -> int:
         default = _defaults(arguments)
         options = parsed(Options, prog="echoscape simulate", arguments=arguments, default=default)
         recipe = recipe_of(options.recipe, scene=options.scene, targets=options.targets)
-        recipe = randomized(recipe) if options.vary else recipe
+        recipe = randomized(recipe) if options.randomize else recipe
         _check(options)
     except (DatasetError, ValueError) as error:
         return _refused(str(error), 2)

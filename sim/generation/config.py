@@ -60,7 +60,7 @@ class Recipe:
     """A scene of one's own in the place of a preset, see `scenes.io.user_scene`; preset is then "own"."""
     targets: tuple[AnyTarget, ...] = ()
     """Test targets put into the world besides those that the scene brings, see `scenes.core.targets`."""
-    varied: bool = False
+    randomized: bool = False
     """Whether sensor, artefacts and surfaces were drawn about those given (`sim.generation.domain_randomization`)."""
 
     def __post_init__(self) -> None:

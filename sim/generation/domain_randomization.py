@@ -55,8 +55,8 @@ def randomized(recipe: Recipe) -> Recipe:
     Raises:
         ValueError: the recipe was varied before, or what is drawn lies beyond what a setting may be.
     """
-    if recipe.varied:
-        raise ValueError("varied must be False: the recipe was varied before")
+    if recipe.randomized:
+        raise ValueError("randomized must be False: the recipe was randomized before")
     rng = np.random.default_rng(np.random.SeedSequence([recipe.seed, STAGE]))
     try:
         return replace(
@@ -67,7 +67,7 @@ def randomized(recipe: Recipe) -> Recipe:
             randomized=True,
         )
     except ValueError as error:
-        raise ValueError(f"{error}, as --vary drew it about what was given") from error
+        raise ValueError(f"{error}, as --randomize drew it about what was given") from error
 
 
 def _sensor(sensor: Sensor, rng: np.random.Generator) -> Sensor:

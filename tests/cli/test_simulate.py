@@ -35,7 +35,7 @@ BAD = {
     "--radar=cir304_rt --sensor.fft-size 8192": "fft_size must be a power of two of 13696 or more",
     "--layout moon": "--layout: layout must be one of oxford, mulran, boreas, got 'moon'",
     "--sensor.name=": "sensor.name must not be empty, got ''",
-    "--vary --sensor.mount-tilt-deg 89": "got 89.029, as --vary drew it about what was given",
+    "--randomize --sensor.mount-tilt-deg 89": "got 89.029, as --randomize drew it about what was given",
     "--preset moon": "preset must be one of town, suburb,",
     "--workers 0": "workers must be 1 or more, got 0",
     "--threads 0": "threads must be 1 or more, got 0",

@@ -36,7 +36,7 @@ def test_same_seed_same_draw() -> None:
 
 
 def test_second_time_is_refused() -> None:
-    with pytest.raises(ValueError, match="varied must be False"):
+    with pytest.raises(ValueError, match="randomized must be False"):
         randomized(randomized(Recipe(seed=3)))
 
 
@@ -116,22 +116,22 @@ def run(out: Path, *more: str) -> int:
 
 def test_command_records_what_was_drawn_and_resumes(tmp_path: Path) -> None:
     whole, stopped = tmp_path / "whole", tmp_path / "stopped"
-    assert run(whole, "--vary") == 0
+    assert run(whole, "--randomize") == 0
     recipe = json.loads((whole / "echoscape.json").read_text())["recipe"]
     drawn = randomized(Recipe(preset="empty", seed=3))
-    assert recipe["varied"] is True
+    assert recipe["randomized"] is True
     assert (
         recipe["sensor"]["system_loss_db"] == drawn.sensor.system_loss_db != SENSORS["cts350x"].system_loss_db
     )
     assert recipe["artefacts"]["leakage"] == drawn.artefacts.leakage
     assert recipe["surfaces"]["rms_height"] == drawn.surfaces.rms_height
-    assert run(stopped, "--vary") == 0
+    assert run(stopped, "--randomize") == 0
     last = sorted((stopped / "radar").iterdir())[-1]
     for path in (last, *stopped.glob(f"truth/{last.stem}.npz")):
         path.unlink()
     assert run(stopped) == 2  # without --resume the folder must be empty
-    assert run(stopped, "--resume") == 2  # without --vary it is another dataset
-    assert run(stopped, "--resume", "--vary") == 0
+    assert run(stopped, "--resume") == 2  # without --randomize it is another dataset
+    assert run(stopped, "--resume", "--randomize") == 0
     for path in (each for each in whole.rglob("*") if each.is_file()):
         assert (stopped / path.relative_to(whole)).read_bytes() == path.read_bytes(), path.name
 
