@@ -14,9 +14,9 @@ from echoscape.cli.arguments import parsed
 from echoscape.cli.progress import Stages
 
 if TYPE_CHECKING:
-    from echoscape.eval.odometry.interface import Estimator
+    from echoscape.eval.odometry.interface import OdometryMethod
     from echoscape.eval.odometry.loop_closure import Places
-    from echoscape.eval.odometry.run import Odometry
+    from echoscape.eval.odometry.run import OdometryResult
     from echoscape.sim.datasets.scan_folder import ScanFolder
 
 
@@ -67,7 +67,7 @@ def main(arguments: Sequence[str]) -> int:
     return _refused(f"every pair failed, the first one because: {found.pairs[0].failure}", 1)
 
 
-def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]":
+def _run(options: Options) -> "tuple[OdometryResult, dict[str, Any], tuple[Path, ...]]":
     """Run the odometry and write its files; nothing is written before all of it is there."""
     from echoscape.eval.odometry.loop_closure import places_of
     from echoscape.eval.odometry.metrics import metrics
@@ -105,7 +105,7 @@ def _run(options: Options) -> "tuple[Odometry, dict[str, Any], tuple[Path, ...]]
 
 
 def _any_heading(
-    places: "Places | None", folder: "ScanFolder", estimator: "Estimator[Any]", stages: Stages
+    places: "Places | None", folder: "ScanFolder", estimator: "OdometryMethod[Any]", stages: Stages
 ) -> "dict[str, Any]":
     """Return the figures of turned pairs under `loop_closure_recall`, or nothing where they are not asked for."""
     from echoscape.eval.odometry.learned import LearnedOdometry
@@ -116,7 +116,7 @@ def _any_heading(
     return {"loop_closure": loop_closure_recall(folder, estimator.estimator, places, progress=stages.report)}
 
 
-def _estimator(options: Options, folder: "ScanFolder") -> "Estimator[Any]":
+def _estimator(options: Options, folder: "ScanFolder") -> "OdometryMethod[Any]":
     """Return the estimator for a folder's radar."""
     if options.method == "fourier":
         from echoscape.eval.odometry.fourier_mellin import FourierOdometry

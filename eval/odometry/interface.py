@@ -21,7 +21,7 @@ class PairFailed(ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Matches:
+class MatchedPoints:
     """N matched points of a pair.
 
     earlier_m, later_m (N, 2): forward, right [m], each in its own scan's frame; weights (N,), 0 or more.
@@ -49,7 +49,7 @@ class PairMotion:
     x_m: float
     y_m: float
     yaw_rad: float
-    matches: Matches | None = None
+    matches: MatchedPoints | None = None
 
     @property
     def is_finite(self) -> bool:
@@ -57,7 +57,7 @@ class PairMotion:
         return all(map(math.isfinite, (self.x_m, self.y_m, self.yaw_rad)))
 
 
-class Estimator(Protocol[State]):
+class OdometryMethod(Protocol[State]):
     """A radar odometry, scan after scan. The same scans always give the same motions."""
 
     @property

@@ -5,7 +5,7 @@ Source: learn/odometry/keyframe_odometry.py; this page only turns its results in
 
 from pathlib import Path
 
-from echoscape.eval.odometry.interface import Matches, PairFailed, PairMotion
+from echoscape.eval.odometry.interface import MatchedPoints, PairFailed, PairMotion
 from echoscape.learn import model
 from echoscape.learn.model.weights import read_weights
 from echoscape.learn.odometry.keyframe_odometry import (
@@ -84,7 +84,7 @@ class LearnedOdometry:
             x_m=found.motion.x_m,
             y_m=found.motion.y_m,
             yaw_rad=found.motion.yaw_rad,
-            matches=Matches(
+            matches=MatchedPoints(
                 earlier_m=found.destination_m.astype(float),
                 later_m=found.source_m.astype(float),
                 weights=found.weights.astype(float),

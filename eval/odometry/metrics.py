@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.eval.odometry.kitti_drift import KITTI_STEP, RADAR_STEP, drift_of_segments, joined, segments
-from echoscape.eval.odometry.run import Odometry
+from echoscape.eval.odometry.run import OdometryResult
 
 _SHARES = (50, 90, 99, 100)
 
 
-def pair_errors(odometry: Odometry) -> NDArray[np.float64]:
+def pair_errors(odometry: OdometryResult) -> NDArray[np.float64]:
     """Return errors (N - 1, 2): translation [m], rotation [rad]; NaN where truth is unknown."""
     if odometry.true_motions is None:
         return np.full((len(odometry.pairs), 2), np.nan)
@@ -24,7 +24,7 @@ def pair_errors(odometry: Odometry) -> NDArray[np.float64]:
     return np.stack([np.hypot(off[:, 0], off[:, 1]), np.abs(turn)], axis=1)
 
 
-def metrics(odometry: Odometry) -> dict[str, Any]:
+def metrics(odometry: OdometryResult) -> dict[str, Any]:
     """Return all figures by name, ready for JSON; None (null) where truth or segments are lacking."""
     errors = pair_errors(odometry)
     judged = errors[np.isfinite(errors).all(axis=1)]
@@ -63,7 +63,7 @@ def _figures(name: str, errors: NDArray[np.float64]) -> dict[str, float | None]:
     return {label: float(value) for label, value in zip(labels, values, strict=True)}
 
 
-def _drift(odometry: Odometry, step: int) -> dict[str, Any]:
+def _drift(odometry: OdometryResult, step: int) -> dict[str, Any]:
     """Return the drift with segments that start at every `step`-th frame."""
     parts = []
     if odometry.truth is not None:
@@ -74,7 +74,7 @@ def _drift(odometry: Odometry, step: int) -> dict[str, Any]:
     return drift_of_segments(joined(parts)).content()
 
 
-def _way_m(odometry: Odometry) -> float | None:
+def _way_m(odometry: OdometryResult) -> float | None:
     """Return how far the car truly drove where that is known [m]."""
     if odometry.true_motions is None:
         return None

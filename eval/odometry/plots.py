@@ -19,9 +19,9 @@ from scipy.ndimage import map_coordinates
 
 from echoscape.eval.figures.preview import ACCENT, FAINT, INK
 from echoscape.eval.figures.style import BRIGHTEST, HEAT, PAGE
-from echoscape.eval.odometry.interface import Matches, PairMotion
+from echoscape.eval.odometry.interface import MatchedPoints, PairMotion
 from echoscape.eval.odometry.metrics import pair_errors, stretches
-from echoscape.eval.odometry.run import Odometry
+from echoscape.eval.odometry.run import OdometryResult
 from echoscape.eval.odometry.trajectory_io import between, composed
 from echoscape.sim.datasets.cartesian import polar_to_cartesian
 from echoscape.sim.datasets.polar_scan import PolarScan
@@ -39,7 +39,7 @@ _WAY_M = 1.0
 # ---------------------------------------------------------------------- the trajectory
 
 
-def trajectory_picture(odometry: Odometry) -> bytes:
+def trajectory_picture(odometry: OdometryResult) -> bytes:
     """Return the trajectory from above as a PNG, with the true one from where it is first known."""
     figure = _figure(9.0, 9.0)
     axes = figure.add_axes((0.1, 0.08, 0.86, 0.82))
@@ -61,7 +61,7 @@ def trajectory_picture(odometry: Odometry) -> bytes:
     return _png(figure)
 
 
-def _true_stretches(odometry: Odometry) -> list[NDArray[np.float64]]:
+def _true_stretches(odometry: OdometryResult) -> list[NDArray[np.float64]]:
     """Return the true poses (K, 3) by stretches, moved so that each begins on the estimate."""
     if odometry.truth is None:
         return []
@@ -83,7 +83,7 @@ def _equal(axes: Axes, points: NDArray[np.float64]) -> None:
 # ---------------------------------------------------------------------- over time
 
 
-def pairs_picture(odometry: Odometry) -> bytes:
+def pairs_picture(odometry: OdometryResult) -> bytes:
     """Return the motion of every pair over time as a PNG, and its errors where truth is known."""
     curves = _curves(odometry)
     at_s = (odometry.middle_us[1:] - odometry.middle_us[0]) / 1e6
@@ -113,7 +113,7 @@ def pairs_picture(odometry: Odometry) -> bytes:
 Curve = tuple[str, NDArray[np.float64], NDArray[np.float64] | None]
 
 
-def _curves(odometry: Odometry) -> list[Curve]:
+def _curves(odometry: OdometryResult) -> list[Curve]:
     """Return label, values (N - 1,) and true values of all that is drawn over time."""
     scale = np.array([1.0, 1.0, 180 / math.pi])
     labels = ("forward [m]", "right [m]", "yaw [deg]")
@@ -184,7 +184,7 @@ def _show(axes: Axes, picture: NDArray, name: str) -> None:
     axes.annotate("20 m", (REACH_M - 15, 7 - REACH_M), color=INK, size=10, ha="center")
 
 
-def _draw_matches(axes: Axes, matches: Matches) -> None:
+def _draw_matches(axes: Axes, matches: MatchedPoints) -> None:
     """Draw each match as a line, as opaque as its weight among the others."""
     lines = np.stack([matches.later_m[:, ::-1], matches.earlier_m[:, ::-1]], axis=1)  # (N, 2, right forward)
     share = matches.weights / max(float(matches.weights.max(initial=0.0)), 1e-12)
@@ -222,7 +222,7 @@ def _legend(axes: Axes) -> None:
     axes.legend(facecolor=PAGE, edgecolor="#2a313b", labelcolor=INK, fontsize=10, loc="best")
 
 
-def _told(odometry: Odometry) -> str:
+def _told(odometry: OdometryResult) -> str:
     failed = int(odometry.failed.sum())
     parts: Sequence[str] = [f"{len(odometry.pairs)} pairs", *([f"{failed} failed"] if failed else [])]
     return "   ·   ".join(parts)

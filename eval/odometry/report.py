@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from echoscape.eval.odometry.interface import Estimator, PairFailed, State
+from echoscape.eval.odometry.interface import OdometryMethod, PairFailed, State
 from echoscape.eval.odometry.metrics import metrics, pair_errors
 from echoscape.eval.odometry.plots import matches_picture, pairs_picture, trajectory_picture
-from echoscape.eval.odometry.run import Odometry
+from echoscape.eval.odometry.run import OdometryResult
 from echoscape.eval.odometry.trajectory_io import between, kitti_text, matrices, tum_text
 from echoscape.sim.datasets.files.atomic_write import write_whole
 from echoscape.sim.datasets.layouts.oxford import OdometryRow, write_odometry
@@ -28,9 +28,9 @@ _SHOWN = 0.9
 
 def write_odometry_report(
     out: Path,
-    odometry: Odometry,
+    odometry: OdometryResult,
     folder: ScanFolder,
-    estimator: Estimator[State],
+    estimator: OdometryMethod[State],
     more: Mapping[str, Any] | None = None,
 ) -> tuple[Path, ...]:
     """Write everything to the folder `out`, which is made where it is not; return the files.
@@ -54,7 +54,7 @@ def write_odometry_report(
     return tuple(out / name for name in ("odometry.csv", *files, METRICS))
 
 
-def report_files(odometry: Odometry) -> dict[str, bytes]:
+def report_files(odometry: OdometryResult) -> dict[str, bytes]:
     """Return the contents of the files that need nothing but the odometry, by name."""
     poses, times_us = matrices(odometry.poses), odometry.middle_us
     files = {
@@ -71,7 +71,7 @@ def report_files(odometry: Odometry) -> dict[str, bytes]:
     return files
 
 
-def pairs_text(odometry: Odometry) -> str:
+def pairs_text(odometry: OdometryResult) -> str:
     """Return a line a pair with its state, errors, matches and time; empty where there is none."""
     lines = ["earlier,later,failed,error_m,error_deg,matches,seconds,reason"]
     for i, (pair, (error_m, error_rad)) in enumerate(
@@ -92,7 +92,7 @@ def pairs_text(odometry: Odometry) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _rows(odometry: Odometry) -> list[OdometryRow]:
+def _rows(odometry: OdometryResult) -> list[OdometryRow]:
     """Return the motion of every pair; of failed ones none."""
     return [
         OdometryRow(
@@ -111,7 +111,7 @@ def _rows(odometry: Odometry) -> list[OdometryRow]:
     ]
 
 
-def _matches(odometry: Odometry, folder: ScanFolder, estimator: Estimator[State]) -> bytes | None:
+def _matches(odometry: OdometryResult, folder: ScanFolder, estimator: OdometryMethod[State]) -> bytes | None:
     """Return the picture of a pair that moved much, by its two scans alone; None if there is none."""
     found = np.flatnonzero(~odometry.failed)
     if not len(found):

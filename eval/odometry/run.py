@@ -15,7 +15,7 @@ from typing import Generic
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.eval.odometry.interface import Estimator, PairFailed, PairMotion, State
+from echoscape.eval.odometry.interface import OdometryMethod, PairFailed, PairMotion, State
 from echoscape.eval.odometry.trajectory_io import between, chained, planar_of_world
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.polar_scan import PolarScan
@@ -44,7 +44,7 @@ class Pair:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Odometry:
+class OdometryResult:
     """The odometry of N scans.
 
     method: name of the estimator; names (N,): numbers that name the scans' files; middle_us (N,) int64:
@@ -103,8 +103,8 @@ class Odometry:
 
 
 def run_odometry(
-    folder: ScanFolder, estimator: Estimator[State], *, progress: Progress | None = None
-) -> Odometry:
+    folder: ScanFolder, estimator: OdometryMethod[State], *, progress: Progress | None = None
+) -> OdometryResult:
     """Return the odometry of a folder's scans.
 
     A scan that cannot be read or compared fails the pairs that it belongs to, and the run begins again after.
@@ -123,7 +123,7 @@ def run_odometry(
     for index in range(1, len(folder)):
         pairs.append(walk.on(index))
         report("pairs", index, len(folder) - 1)
-    return Odometry(
+    return OdometryResult(
         method=estimator.name,
         names=tuple(int(stem) for stem in folder.stems),
         middle_us=_middles_us(folder.timestamps_us, walk.middles_us),
@@ -135,7 +135,7 @@ def run_odometry(
 class _Walk(Generic[State]):
     """One pass over a folder; `middles_us` gathers mid-scan times, None of scans that cannot be read."""
 
-    def __init__(self, folder: ScanFolder, estimator: Estimator[State]) -> None:
+    def __init__(self, folder: ScanFolder, estimator: OdometryMethod[State]) -> None:
         self._folder, self._estimator = folder, estimator
         self._state: State | None = None
         self._failure: str | None = None

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from echoscape.eval.odometry.interface import Matches, PairFailed, PairMotion
+from echoscape.eval.odometry.interface import MatchedPoints, PairFailed, PairMotion
 from echoscape.eval.odometry.metrics import metrics, pair_errors, stretches
 from echoscape.eval.odometry.report import write_odometry_report
-from echoscape.eval.odometry.run import Odometry, run_odometry
+from echoscape.eval.odometry.run import OdometryResult, run_odometry
 from echoscape.eval.odometry.trajectory_io import read_kitti, read_tum
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.layouts.layout import ScanRecord
@@ -33,7 +33,7 @@ ALWAYS = {
 }
 
 
-def run(folder: Path, estimator: Knowing) -> Odometry:
+def run(folder: Path, estimator: Knowing) -> OdometryResult:
     return run_odometry(opened(folder), estimator)
 
 
@@ -256,5 +256,5 @@ def test_nothing_is_written_when_pictures_cannot_be_drawn(
 
 def test_matches_have_points_for_every_weight() -> None:
     with pytest.raises(ValueError, match=r"points must be \(N, 2\) twice"):
-        Matches(earlier_m=np.zeros((3, 2)), later_m=np.zeros((2, 2)), weights=np.zeros(3))
+        MatchedPoints(earlier_m=np.zeros((3, 2)), later_m=np.zeros((2, 2)), weights=np.zeros(3))
     assert not PairMotion(x_m=0.0, y_m=math.inf, yaw_rad=0.0).is_finite
