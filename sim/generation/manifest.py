@@ -6,7 +6,6 @@ Reading and writing the file itself: `sim.datasets.files.metadata`.
 import ctypes
 import importlib.metadata
 import json
-import os
 import platform
 from dataclasses import asdict
 from typing import Any
@@ -15,6 +14,7 @@ from echoscape.scenes.core.materials import MATERIALS
 from echoscape.scenes.core.scene import CLASSES
 from echoscape.sim.datasets.files.metadata import FORMAT, manifest_text
 from echoscape.sim.generation.config import Recipe
+from echoscape.sim.raytracing.backend import choose_llvm, selected_backend
 
 _PACKAGES = ("echoscape", "numpy", "scipy", "shapely", "trimesh", "pillow", "mitsuba", "drjit")
 
@@ -86,11 +86,9 @@ def _versions() -> dict[str, str]:
 
 def _llvm_version() -> str:
     """Return the version of the LLVM that compiles the kernels, "none" where another compiler does."""
-    from echoscape.sim.raytracing import mitsuba_backend as backend
-
-    library = os.environ.get("DRJIT_LIBLLVM_PATH")
-    if library is None or backend.requested_device() != "cpu":
+    library = choose_llvm() if selected_backend() == "llvm" else None
+    if library is None:
         return "none"
     version = [ctypes.c_uint() for _ in range(3)]
-    ctypes.CDLL(library).LLVMGetVersion(*(ctypes.byref(part) for part in version))
+    ctypes.CDLL(str(library)).LLVMGetVersion(*(ctypes.byref(part) for part in version))
     return ".".join(str(part.value) for part in version)

@@ -1,12 +1,10 @@
-"""The choice of LLVM: the user's own is respected, what would abort is refused with what to do."""
+"""Loading Mitsuba: an unsuitable LLVM or backend is refused with what to do, before anything else happens."""
 
 import os
 import subprocess
 import sys
 
 import pytest
-
-_CHOOSE = "from echoscape.sim.raytracing.mitsuba_backend import choose_llvm; print(choose_llvm())"
 
 
 def _python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -32,7 +30,7 @@ def test_library_that_is_no_llvm_is_refused_with_what_to_do() -> None:
 
 
 @linux
-def test_command_tells_of_a_bad_llvm_in_one_line() -> None:
+def test_command_reports_a_bad_llvm_in_one_line() -> None:
     code = "from echoscape.cli.__main__ import main; raise SystemExit(main(['simulate', 'nowhere']))"
     done = _python(code, DRJIT_LIBLLVM_PATH="libc.so.6")
     assert done.returncode == 1
@@ -46,31 +44,10 @@ def test_library_that_is_not_there_is_refused_by_name() -> None:
     assert "cannot load no/such/libLLVM.so" in done.stderr
 
 
-def test_unknown_device_is_refused_by_name() -> None:
-    done = _python("import echoscape.sim.raytracing.mitsuba_backend", ECHOSCAPE_DEVICE="abacus")
+def test_unknown_backend_is_refused_by_name() -> None:
+    done = _python("import echoscape.sim.raytracing.mitsuba_backend", ECHOSCAPE_BACKEND="abacus")
     assert done.returncode != 0
-    assert "ECHOSCAPE_DEVICE must be cpu or cuda, got 'abacus'" in done.stderr
-
-
-def test_users_own_library_is_respected() -> None:
-    from echoscape.sim.raytracing.mitsuba_backend import packaged_llvm
-
-    packaged = packaged_llvm()
-    if packaged is None:
-        pytest.skip("no packaged LLVM")
-    own = packaged.parent / ".." / packaged.parent.name / packaged.name  # the same file under another name
-    done = _python(_CHOOSE, DRJIT_LIBLLVM_PATH=str(own))
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == str(own)
-
-
-def test_versions_are_told_apart_by_asking_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
-    from echoscape.sim.raytracing import mitsuba_backend as backend
-
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "libLLVM-15.so")
-    monkeypatch.setattr(backend, "llvm_major_version", lambda library: 15)
-    with pytest.raises(backend.BackendError, match=r"LLVM 15 \(libLLVM-15\.so\) aborts"):
-        backend.choose_llvm()
+    assert "ECHOSCAPE_BACKEND must be llvm or cuda, got 'abacus'" in done.stderr
 
 
 @pytest.mark.parametrize("count", [0, -1])
