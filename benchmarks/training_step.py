@@ -15,8 +15,7 @@ import torch
 
 from benchmarks.machine import description
 from echoscape.learn.data.image import ImageSettings
-from echoscape.learn.data.scan_pairs import motion_tensors
-from echoscape.learn.geometry.se2 import PlaneMotion
+from echoscape.learn.geometry.se2 import to_motion
 from echoscape.learn.model import keypoint_model as model_module
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
 from echoscape.learn.model.keypoint_model import Matching, ModelSettings
@@ -24,6 +23,7 @@ from echoscape.learn.model.softmax_matching import expected_matches_in
 from echoscape.learn.model.tiled_matching import Search
 from echoscape.learn.training.checkpoint import initial_model
 from echoscape.learn.training.losses import pose_loss
+from echoscape.sim.datasets.se2 import SE2
 from echoscape.sim.numerics.malloc import keep_freed_memory
 
 FORMS = {
@@ -40,7 +40,7 @@ def step_of(size: int, matching: Matching | None, network: torch.dtype) -> Calla
     model = initial_model(ModelSettings(image=ImageSettings(size=size)), seed=1).train()
     optimiser = torch.optim.Adam(model.parameters(), 1e-3)
     source, destination = torch.rand(2, 1, 1, size, size)
-    truth = motion_tensors([PlaneMotion(x_m=1.0, y_m=0.0, yaw_rad=0.1)])
+    truth = to_motion([SE2(x_m=1.0, y_m=0.0, yaw_rad=0.1)])
 
     def step() -> None:
         optimiser.zero_grad()

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from echoscape.eval.odometry.trajectory_io import between, planar_of_world
 from echoscape.learn.data.augmentation import Turns, turned
-from echoscape.learn.geometry.se2 import PlaneMotion
 from echoscape.learn.odometry.scan_matcher import PairEstimate, ScanFeatures, ScanMatcher
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.scan_folder import ScanFolder
+from echoscape.sim.datasets.se2 import SE2, from_world, relative
 
 _LOG = logging.getLogger(__name__)
 
@@ -84,7 +83,7 @@ def places_of(folder: ScanFolder, pairs: int, *, seed: int = 0) -> Places:
     world = folder.poses()
     if world is None:
         raise DatasetError(f"{folder.folder}: any heading: tells no poses to judge by")
-    poses = planar_of_world(world)
+    poses = from_world(world)
     return Places(pairs=turned_pairs(poses, folder.sensor.azimuths, pairs, seed=seed), poses=poses)
 
 
@@ -121,7 +120,7 @@ def loop_closure_recall(
     return figures
 
 
-def error_of(found: PairEstimate, truth: PlaneMotion) -> tuple[float, float]:
+def error_of(found: PairEstimate, truth: SE2) -> tuple[float, float]:
     """Return the errors of a motion: translation [m] and rotation, 0 or more [rad]."""
     turn = math.remainder(found.motion.yaw_rad - truth.yaw_rad, 2 * math.pi)
     return math.hypot(found.motion.x_m - truth.x_m, found.motion.y_m - truth.y_m), abs(turn)
@@ -139,10 +138,10 @@ def _features(
     )
 
 
-def _truth(poses: NDArray[np.float64], pair: TurnedPair, rows: int) -> PlaneMotion:
-    x_m, y_m, yaw_rad = between(poses[pair.destination], poses[pair.source]).tolist()
+def _truth(poses: NDArray[np.float64], pair: TurnedPair, rows: int) -> SE2:
+    motion = SE2.from_array(relative(poses[pair.destination], poses[pair.source]))
     turn_rad = 2 * math.pi * pair.rows / rows
-    return turned(PlaneMotion(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad), Turns(source_rad=turn_rad))
+    return turned(motion, Turns(source_rad=turn_rad))
 
 
 def _figures(errors: Sequence[tuple[float, float]], count: int) -> dict[str, float | None]:

@@ -22,9 +22,9 @@ from echoscape.eval.figures.style import BRIGHTEST, HEAT, PAGE
 from echoscape.eval.odometry.interface import MatchedPoints, PairMotion
 from echoscape.eval.odometry.metrics import pair_errors, stretches
 from echoscape.eval.odometry.run import OdometryResult
-from echoscape.eval.odometry.trajectory_io import between, composed
 from echoscape.sim.datasets.cartesian import polar_to_cartesian
 from echoscape.sim.datasets.polar_scan import PolarScan
+from echoscape.sim.datasets.se2 import compose, relative
 
 TRUE, WRONG = "#59d0ff", "#ff5f6d"
 REACH_M = 60.0
@@ -68,7 +68,7 @@ def _true_stretches(odometry: OdometryResult) -> list[NDArray[np.float64]]:
     found = []
     for part in stretches(odometry.known):
         true = odometry.truth[part]
-        found.append(composed(odometry.poses[part.start], between(true[0], true)))
+        found.append(compose(odometry.poses[part.start], relative(true[0], true)))
     return found
 
 
@@ -171,7 +171,7 @@ def _moved(picture: NDArray[np.float32], motion: PairMotion) -> NDArray[np.float
     steps = (np.arange(_PIXELS) - middle) * pixel_m
     forward, right = np.meshgrid(-steps, steps, indexing="ij")
     points = np.stack([forward, right, np.zeros_like(forward)], axis=-1)
-    own = between(np.array([motion.x_m, motion.y_m, motion.yaw_rad]), points)
+    own = relative(np.array([motion.x_m, motion.y_m, motion.yaw_rad]), points)
     places = [middle - own[..., 0] / pixel_m, middle + own[..., 1] / pixel_m]
     return np.asarray(map_coordinates(picture, places, order=1), np.float32)
 

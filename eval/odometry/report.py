@@ -15,10 +15,11 @@ from echoscape.eval.odometry.interface import OdometryMethod, PairFailed, State
 from echoscape.eval.odometry.metrics import metrics, pair_errors
 from echoscape.eval.odometry.plots import matches_picture, pairs_picture, trajectory_picture
 from echoscape.eval.odometry.run import OdometryResult
-from echoscape.eval.odometry.trajectory_io import between, kitti_text, matrices, tum_text
+from echoscape.eval.odometry.trajectory_io import kitti_text, matrices, tum_text
 from echoscape.sim.datasets.files.atomic_write import write_whole
 from echoscape.sim.datasets.layouts.oxford import OdometryRow, write_odometry
 from echoscape.sim.datasets.scan_folder import ScanFolder
+from echoscape.sim.datasets.se2 import relative
 
 METRICS = "metrics.json"
 _OPTIONAL = ("truth.txt", "truth.tum", "matches.png")
@@ -63,7 +64,7 @@ def report_files(odometry: OdometryResult) -> dict[str, bytes]:
         "trajectory.tum": tum_text(times_us, poses).encode(),
     }
     if odometry.truth is not None and np.isfinite(odometry.truth).all():
-        true = matrices(between(odometry.truth[0], odometry.truth))
+        true = matrices(relative(odometry.truth[0], odometry.truth))
         files["truth.txt"] = kitti_text(true).encode()
         files["truth.tum"] = tum_text(times_us, true).encode()
     files["trajectory.png"] = trajectory_picture(odometry)

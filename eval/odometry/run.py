@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.eval.odometry.interface import OdometryMethod, PairFailed, PairMotion, State
-from echoscape.eval.odometry.trajectory_io import between, chained, planar_of_world
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import ScanFolder
+from echoscape.sim.datasets.se2 import chain, from_world, relative
 
 _LOG = logging.getLogger(__name__)
 _SHORTEST_S = 1e-9
@@ -72,12 +72,12 @@ class OdometryResult:
     @cached_property
     def poses(self) -> NDArray[np.float64]:
         """Poses (N, 3) in the frame of the first scan."""
-        return chained(self.motions)
+        return chain(self.motions)
 
     @cached_property
     def true_motions(self) -> NDArray[np.float64] | None:
         """True motions (N - 1, 3), NaN where unknown."""
-        return None if self.truth is None else between(self.truth[:-1], self.truth[1:])
+        return None if self.truth is None else relative(self.truth[:-1], self.truth[1:])
 
     @cached_property
     def failed(self) -> NDArray[np.bool_]:
@@ -128,7 +128,7 @@ def run_odometry(
         names=tuple(int(stem) for stem in folder.stems),
         middle_us=_middles_us(folder.timestamps_us, walk.middles_us),
         pairs=tuple(pairs),
-        truth=None if truth is None else planar_of_world(truth),
+        truth=None if truth is None else from_world(truth),
     )
 
 

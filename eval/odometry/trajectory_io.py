@@ -1,4 +1,4 @@
-"""Poses in a chain: planar motions and poses, their 4 x 4 matrices, and the text files that tools exchange.
+"""Trajectories: poses as 4 x 4 matrices, and the text files that tools exchange.
 
 Files are those of the KITTI odometry devkit (Geiger et al., CVPR 2012: twelve numbers a line) and of the TUM
 RGB-D benchmark (Sturm et al., IROS 2012: `t x y z qx qy qz qw`); axes and times are in docs/conventions.md.
@@ -15,52 +15,6 @@ from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text
 
 _ROTATION_TOLERANCE = 0.01
 """How far R R^T may be from 1: files with three decimals pass, what is no rotation does not."""
-
-# ---------------------------------------------------------------------- planar poses
-
-
-def composed(poses: ArrayLike, motions: ArrayLike) -> NDArray[np.float64]:
-    """Return poses (..., 3) after `motions` (..., 3) from `poses` (..., 3): x, y [m], yaw [rad].
-
-    T_a_c = T_a_b T_b_c for poses T_a_b and motions T_b_c: the motion is told in the pose's own axes.
-    """
-    first, second = np.asarray(poses, np.float64), np.asarray(motions, np.float64)
-    cosine, sine = np.cos(first[..., 2]), np.sin(first[..., 2])
-    x = first[..., 0] + cosine * second[..., 0] - sine * second[..., 1]
-    y = first[..., 1] + sine * second[..., 0] + cosine * second[..., 1]
-    return np.stack([x, y, first[..., 2] + second[..., 2]], axis=-1)
-
-
-def between(earlier: ArrayLike, later: ArrayLike) -> NDArray[np.float64]:
-    """Return motions (..., 3) from poses `earlier` to `later`: T_earlier_later, yaw in [-pi, pi]."""
-    first, second = np.asarray(earlier, np.float64), np.asarray(later, np.float64)
-    dx, dy, turn = np.moveaxis(second - first, -1, 0)
-    cosine, sine = np.cos(first[..., 2]), np.sin(first[..., 2])
-    yaw = np.arctan2(np.sin(turn), np.cos(turn))
-    return np.stack([cosine * dx + sine * dy, cosine * dy - sine * dx, yaw], axis=-1)
-
-
-def chained(motions: ArrayLike) -> NDArray[np.float64]:
-    """Return poses (N + 1, 3) in the frame of the first one, from N motions (N, 3) of later in earlier.
-
-    Raises:
-        ValueError: `motions` is not (N, 3) or not finite.
-    """
-    steps = np.asarray(motions, np.float64)
-    if steps.ndim != 2 or steps.shape[1] != 3 or not np.isfinite(steps).all():
-        raise ValueError(f"motions must be finite (pairs, 3), got {_told(steps)}")
-    poses = np.zeros((len(steps) + 1, 3))
-    for i, step in enumerate(steps):
-        poses[i + 1] = composed(poses[i], step)
-    return poses
-
-
-def planar_of_world(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return poses (N, 4) in the world, x, y, z [m], yaw [rad], as planar ones (N, 3) in Oxford axes.
-
-    y and yaw change their sign: z points down, so that y is right of x and yaw clockwise from above.
-    """
-    return poses[:, [0, 1, 3]] * [1.0, -1.0, -1.0]
 
 
 def matrices(poses: ArrayLike) -> NDArray[np.float64]:
@@ -185,7 +139,3 @@ def _rotations(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array(rows), -1, 0)
-
-
-def _told(values: NDArray[np.float64]) -> str:
-    return f"shape {values.shape}" if np.isfinite(values).all() else "numbers that are not finite"

@@ -17,8 +17,8 @@ from echoscape.eval.figures.style import COMPONENT_COLOURS, THINGS, drive_window
 from echoscape.eval.figures.town_plan import Window, plan_picture
 from echoscape.eval.viewer.mover_boxes import Box, observed_boxes
 from echoscape.eval.viewer.source import Motion, Pose, Source, open_source
-from echoscape.sim.datasets.layouts.oxford import relative_pose
 from echoscape.sim.datasets.polar_scan import CellTruth, PolarScan, ScanTruth
+from echoscape.sim.datasets.se2 import relative_from_world
 
 Progress = Callable[[str, int, int], None]
 
@@ -183,7 +183,7 @@ def _rates(
     """Return speed [m/s], yaw rate [rad/s]: over the rows if their poses are known, else since the last."""
     motion = source.motion(number)
     if truth is not None:
-        x, y, _, yaw = relative_pose(truth.pose[0], truth.pose[-1])
+        x, y, yaw = relative_from_world(truth.pose[0], truth.pose[-1]).array.tolist()
         seconds = float(scan.timestamp_us[-1] - scan.timestamp_us[0]) / 1e6
     elif motion is not None:
         x, y, yaw = motion

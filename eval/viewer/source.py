@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.scene import CLASSES
 from echoscape.sim.datasets.files.metadata import read_manifest, world_of
 from echoscape.sim.datasets.files.truth_npz import read_arrays
-from echoscape.sim.datasets.layouts.oxford import relative_pose
 from echoscape.sim.datasets.polar_scan import Component, ScanTruth
 from echoscape.sim.datasets.scan_folder import ScanFolder, open_folder
+from echoscape.sim.datasets.se2 import relative_from_world
 
 Pose = tuple[float, float, float]
 """x, y [m] and yaw [rad], counter-clockwise, in the world."""
@@ -72,8 +72,8 @@ class Source:
         """Return the motion from the scan before, None for the first and where poses are unknown."""
         if index == 0 or np.isnan(self.poses[index - 1 : index + 1]).any():
             return None
-        x, y, _, yaw = relative_pose(self.poses[index - 1], self.poses[index])
-        return round(x, 4), round(y, 4), round(yaw, 6)
+        motion = relative_from_world(self.poses[index - 1], self.poses[index])
+        return round(motion.x_m, 4), round(motion.y_m, 4), round(motion.yaw_rad, 6)
 
 
 def open_source(folder: Path) -> Source:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from echoscape.learn.geometry.se2 import PlaneMotion, rotated
+from echoscape.sim.datasets.se2 import SE2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,14 +53,14 @@ class Turns:
     shift_m: tuple[float, float] = (0.0, 0.0)
 
     @property
-    def source_shown_at(self) -> PlaneMotion:
+    def source_shown_at(self) -> SE2:
         """The pose of the source in the frame of its picture."""
-        return PlaneMotion(x_m=self.shift_m[0], y_m=self.shift_m[1], yaw_rad=self.source_rad)
+        return SE2(x_m=self.shift_m[0], y_m=self.shift_m[1], yaw_rad=self.source_rad)
 
     @property
-    def destination_shown_at(self) -> PlaneMotion:
+    def destination_shown_at(self) -> SE2:
         """The same of the destination."""
-        return PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=self.destination_rad)
+        return SE2(x_m=0.0, y_m=0.0, yaw_rad=self.destination_rad)
 
 
 def drawn_turns(settings: TurnSettings, step: int, *, rng: np.random.Generator) -> Turns:
@@ -75,15 +75,14 @@ def drawn_turns(settings: TurnSettings, step: int, *, rng: np.random.Generator) 
     return Turns(source_rad=turn, destination_rad=common, shift_m=shift)
 
 
-def turned(motion: PlaneMotion, turns: Turns) -> PlaneMotion:
-    """Return the motion between the turned pictures.
+def turned(motion: SE2, turns: Turns) -> SE2:
+    """Compute the motion between turned and shifted images of a pair.
 
-    With p_d = R p_s + t, p_s turned by A and shifted by u, and p_d turned by B: R becomes R' = B R A^-1 and t
-    becomes B t - R' u.
+    Args:
+        motion: T_destination_source of the scans.
+        turns: How their images are turned and shifted.
+
+    Returns:
+        T_a_d T_d_s T_s_b of the images a of the destination and b of the source.
     """
-    yaw = motion.yaw_rad + turns.destination_rad - turns.source_rad
-    forward, right = rotated((motion.x_m, motion.y_m), turns.destination_rad)
-    back_forward, back_right = rotated(turns.shift_m, yaw)
-    return PlaneMotion(
-        x_m=forward - back_forward, y_m=right - back_right, yaw_rad=math.remainder(yaw, 2 * math.pi)
-    )
+    return turns.destination_shown_at @ motion @ turns.source_shown_at.inverse()

@@ -14,9 +14,9 @@ from torch import Tensor
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.motion_compensation import Twist, to_mid_scan, twist_between
 from echoscape.learn.geometry.procrustes import Motion, moved
-from echoscape.learn.geometry.se2 import PlaneMotion
-from echoscape.sim.datasets.layouts.oxford import relative_pose
+from echoscape.learn.geometry.se2 import to_motion
 from echoscape.sim.datasets.scan_folder import ScanFolder
+from echoscape.sim.datasets.se2 import relative_from_world
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,9 +108,9 @@ def _velocity(poses: NDArray[np.float64], times_s: NDArray[np.float64], number: 
     known = [each for each in around if np.isfinite(poses[each]).all()]
     if len(known) < 2 or times_s[known[-1]] <= times_s[known[0]]:
         return [0.0, 0.0, 0.0]
-    x, y, _, yaw = relative_pose(poses[known[0]], poses[known[-1]])
+    motion = relative_from_world(poses[known[0]], poses[known[-1]])
     gap_s = times_s[known[-1]] - times_s[known[0]]
-    twist = twist_between(PlaneMotion(x_m=x, y_m=y, yaw_rad=yaw).tensors(torch.float64), float(gap_s))
+    twist = twist_between(to_motion(motion, torch.float64), float(gap_s))
     return [*twist.velocity_mps[0].tolist(), float(twist.yaw_rate_rps)]
 
 

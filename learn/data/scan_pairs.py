@@ -19,10 +19,10 @@ from echoscape.learn.data.cell_cache import Report, cells_of
 from echoscape.learn.data.ground_truth import DriveMotion, Truth, drive_motion, rolls
 from echoscape.learn.data.image import ImageSettings, Projector
 from echoscape.learn.geometry.procrustes import Motion
-from echoscape.learn.geometry.se2 import PlaneMotion
+from echoscape.learn.geometry.se2 import to_motion
 from echoscape.sim.datasets.files.atomic_write import DatasetError
-from echoscape.sim.datasets.layouts.oxford import relative_pose
 from echoscape.sim.datasets.scan_folder import open_folder
+from echoscape.sim.datasets.se2 import relative_from_world
 
 LARGEST_GAP = 8
 
@@ -119,38 +119,23 @@ class PairSet:
                 project(drive.cells[pair.source], turn_rad=turns.source_rad, shift_m=turns.shift_m)
             )
             destinations.append(project(drive.cells[pair.destination], turn_rad=turns.destination_rad))
-            motions.append(turned(plane_motion(drive.poses, pair), turns))
+            motion = relative_from_world(drive.poses[pair.destination], drive.poses[pair.source])
+            motions.append(turned(motion, turns))
         return Batch(
             source=torch.stack(sources),
             destination=torch.stack(destinations),
             truth=Truth(
-                motion=motion_tensors(motions),
+                motion=to_motion(motions),
                 source=rolls(
                     [(self.drives[pair.drive].motion, pair.source) for pair in pairs],
-                    motion_tensors([pair.turns.source_shown_at for pair in pairs]),
+                    to_motion([pair.turns.source_shown_at for pair in pairs]),
                 ),
                 destination=rolls(
                     [(self.drives[pair.drive].motion, pair.destination) for pair in pairs],
-                    motion_tensors([pair.turns.destination_shown_at for pair in pairs]),
+                    to_motion([pair.turns.destination_shown_at for pair in pairs]),
                 ),
             ),
         )
-
-
-def plane_motion(poses: NDArray[np.float64], pair: Pair) -> PlaneMotion:
-    """Return T_destination_source of a pair, before any turn."""
-    x, y, _, yaw = relative_pose(poses[pair.destination], poses[pair.source])
-    return PlaneMotion(x_m=x, y_m=y, yaw_rad=yaw)
-
-
-def motion_tensors(motions: Sequence[PlaneMotion]) -> Motion:
-    """Return motions as a batch of float32 tensors."""
-    each = [motion.tensors() for motion in motions]
-    return Motion(
-        rotation=torch.cat([one.rotation for one in each]),
-        translation_m=torch.cat([one.translation_m for one in each]),
-        certain=torch.cat([one.certain for one in each]),
-    )
 
 
 def _drive(folder: Path, image: ImageSettings, cache: Path | None, report: Report | None) -> Drive:

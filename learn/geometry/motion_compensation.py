@@ -15,6 +15,7 @@ from torch import Tensor
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.pose_refinement import turned_precision
 from echoscape.learn.geometry.procrustes import Motion, moved
+from echoscape.learn.geometry.se2 import relative
 
 _ROUNDS = 3
 
@@ -120,14 +121,6 @@ def solve_compensated(
         seen = _rolled(parts, twist_between(relative(parts[-1].stood_at, motion), rolling.gap_s), rolling)
         motion = _joint(seen, scale_m, near=motion)
     return motion, seen
-
-
-def relative(destination: Motion, source: Motion) -> Motion:
-    """Return T_destination_source of poses that are told in one frame."""
-    back = destination.rotation.transpose(1, 2)
-    away = (source.translation_m - destination.translation_m)[..., None]
-    certain = source.certain & destination.certain
-    return Motion(rotation=back @ source.rotation, translation_m=(back @ away)[..., 0], certain=certain)
 
 
 def _joint(parts: Sequence[Part], scale_m: float | None, near: Motion | None = None) -> Motion:

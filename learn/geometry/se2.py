@@ -1,72 +1,70 @@
-"""Poses in the plane: one after another, undone, and applied to points. Oxford axes (docs/conventions.md).
+"""Planar motions as tensors: conversion from and to `sim.datasets.se2.SE2`, and the action on points."""
 
-The group SE(2) in three numbers; tensors of points stay tensors.
-"""
-
-import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
 from echoscape.learn.geometry.procrustes import Motion, moved, rotation_of_yaw
+from echoscape.sim.datasets.se2 import SE2
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlaneMotion:
-    """A pose T_destination_source: x forward, y right [m], yaw clockwise [rad]."""
+def to_motion(poses: SE2 | Sequence[SE2], dtype: torch.dtype = torch.float32) -> Motion:
+    """Convert poses to a batch of motions.
 
-    x_m: float
-    y_m: float
-    yaw_rad: float
+    Args:
+        poses: B poses, or one, which becomes a batch of one.
+        dtype: Number format of the tensors.
 
-    def then(self, other: "PlaneMotion") -> "PlaneMotion":
-        """Return T_a_c = T_a_b T_b_c of this T_a_b and the other T_b_c; yaw within half a turn."""
-        forward, right = rotated((other.x_m, other.y_m), self.yaw_rad)
-        return PlaneMotion(
-            x_m=self.x_m + forward,
-            y_m=self.y_m + right,
-            yaw_rad=math.remainder(self.yaw_rad + other.yaw_rad, 2 * math.pi),
-        )
-
-    def inverse(self) -> "PlaneMotion":
-        """Return T_b_a of this T_a_b."""
-        forward, right = rotated((-self.x_m, -self.y_m), -self.yaw_rad)
-        return PlaneMotion(x_m=forward, y_m=right, yaw_rad=-self.yaw_rad)
-
-    def times(self, factor: float) -> "PlaneMotion":
-        """Return what becomes of the motion in `factor` of its time, near enough where it turns little."""
-        return PlaneMotion(x_m=factor * self.x_m, y_m=factor * self.y_m, yaw_rad=factor * self.yaw_rad)
-
-    def of_points(self, points_m: Tensor) -> Tensor:
-        """Return points (..., N, 2) forward, right [m] of the source in the frame of the destination."""
-        return moved(points_m, self.tensors(points_m.dtype))
-
-    def tensors(self, dtype: torch.dtype = torch.float32) -> Motion:
-        """Return the motion as a batch of one."""
-        return Motion(
-            rotation=rotation_of_yaw(torch.tensor([self.yaw_rad], dtype=torch.float64)).to(dtype),
-            translation_m=torch.tensor([[self.x_m, self.y_m]], dtype=dtype),
-            certain=torch.ones(1, dtype=torch.bool),
-        )
-
-    @property
-    def length_m(self) -> float:
-        """How far the origin moves [m]."""
-        return math.hypot(self.x_m, self.y_m)
+    Returns:
+        Motions with rotation (B, 2, 2), translation (B, 2) [m], all marked certain.
+    """
+    each = [poses] if isinstance(poses, SE2) else poses
+    yaw = torch.tensor([pose.yaw_rad for pose in each], dtype=torch.float64)
+    return Motion(
+        rotation=rotation_of_yaw(yaw).to(dtype),
+        translation_m=torch.tensor([[pose.x_m, pose.y_m] for pose in each], dtype=dtype),
+        certain=torch.ones(len(each), dtype=torch.bool),
+    )
 
 
-STILL = PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-"""No motion."""
+def to_pose(motion: Motion) -> SE2:
+    """Convert the first of a batch of motions to a pose.
 
+    Args:
+        motion: B >= 1 motions.
 
-def plane_motion_of(motion: Motion) -> PlaneMotion:
-    """Return the first of a batch of motions."""
+    Returns:
+        The first of them.
+    """
     forward, right = motion.translation_m[0].tolist()
-    return PlaneMotion(x_m=forward, y_m=right, yaw_rad=float(motion.yaw_rad[0]))
+    return SE2(x_m=forward, y_m=right, yaw_rad=float(motion.yaw_rad[0]))
 
 
-def rotated(point_m: tuple[float, float], yaw_rad: float) -> tuple[float, float]:
-    """Return a point, forward and right [m], rotated clockwise."""
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-    return cosine * point_m[0] - sine * point_m[1], sine * point_m[0] + cosine * point_m[1]
+def transform(pose: SE2, points_m: Tensor) -> Tensor:
+    """Map points by a pose T_a_b.
+
+    Args:
+        pose: T_a_b.
+        points_m: Points (B, N, 2) in b: forward, right [m].
+
+    Returns:
+        The points (B, N, 2) in a [m].
+    """
+    return moved(points_m, to_motion(pose, points_m.dtype))
+
+
+def relative(first: Motion, second: Motion) -> Motion:
+    """Compute T_b_c of T_a_b and T_a_c.
+
+    Args:
+        first: T_a_b, B of them.
+        second: T_a_c, B of them.
+
+    Returns:
+        T_b_c; certain where both are.
+    """
+    back = first.rotation.transpose(1, 2)
+    away = (second.translation_m - first.translation_m)[..., None]
+    certain = second.certain & first.certain
+    return Motion(rotation=back @ second.rotation, translation_m=(back @ away)[..., 0], certain=certain)

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.learn.geometry.motion_compensation import Part, ScanMotionModel, Twist, twist_between
-from echoscape.learn.geometry.se2 import STILL, PlaneMotion
+from echoscape.learn.geometry.se2 import to_motion
 from echoscape.learn.odometry.scan_matcher import MatchTarget, PairEstimate, ScanFeatures, ScanMatcher
+from echoscape.sim.datasets.se2 import IDENTITY, SE2
 
 _LOG = logging.getLogger(__name__)
 
@@ -88,7 +89,7 @@ class Keyframe:
 
     features: ScanFeatures
     searchable: MatchTarget
-    pose: PlaneMotion
+    pose: SE2
     twist: Twist | None = None
 
 
@@ -102,7 +103,7 @@ class OdometryState:
 
     keyframe: Keyframe
     before: Keyframe
-    motion: tuple[PlaneMotion, float] | None
+    motion: tuple[SE2, float] | None
     middle_s: float
 
 
@@ -151,17 +152,17 @@ class KeyframeOdometry:
         gap_s = scan.middle_s - track.middle_s
         rolling = self._rolling(scan, gap_s)
         going_on = self._expected(track, gap_s)
-        expected = track.before.pose.then(going_on or STILL)
+        expected = track.before.pose @ (going_on or IDENTITY)
         source = self.estimator.features(
             scan.codes, scan.bin_m, range_offset_m=scan.range_offset_m, shown_at=expected
         )
         found = self._found(track, source, rolling, expecting=going_on is not None)
-        if found.certain and self._is_surprise(expected.inverse().then(found.motion)):
+        if found.certain and self._is_surprise(expected.inverse() @ found.motion):
             shown = self.estimator.shown(source, found.motion)
             again = self._found(track, shown, rolling, expecting=True)
-            if again.certain and not self._is_surprise(found.motion.inverse().then(again.motion)):
+            if again.certain and not self._is_surprise(found.motion.inverse() @ again.motion):
                 found, source = again, shown
-        motion = track.before.pose.inverse().then(found.motion)
+        motion = track.before.pose.inverse() @ found.motion
         before = Keyframe(features=source, searchable=self.estimator.searchable(source), pose=found.motion)
         after = replace(
             track,
@@ -173,8 +174,8 @@ class KeyframeOdometry:
         return replace(found, motion=motion), after
 
     def _keyframe(self, features: ScanFeatures) -> Keyframe:
-        shown = self.estimator.shown(features, STILL)
-        return Keyframe(features=shown, searchable=self.estimator.searchable(shown), pose=STILL)
+        shown = self.estimator.shown(features, IDENTITY)
+        return Keyframe(features=shown, searchable=self.estimator.searchable(shown), pose=IDENTITY)
 
     def _with_keyframe_in_reach(self, track: OdometryState) -> OdometryState:
         """Return the track, with the scan before as its new keyframe where the old one is too far back."""
@@ -195,18 +196,18 @@ class KeyframeOdometry:
             return None
         return ScanMotionModel(turn_s=scan.turn_s, doppler_beta_s=self._doppler_beta_s, gap_s=gap_s)
 
-    def _expected(self, track: OdometryState, gap_s: float) -> PlaneMotion | None:
+    def _expected(self, track: OdometryState, gap_s: float) -> SE2 | None:
         """Return the motion of a car that goes on as it went, None where nothing is to be expected."""
         if track.motion is None:
             return None
         motion, took_s = track.motion
         ratio = gap_s / took_s if took_s > 0 and gap_s > 0 and math.isfinite(gap_s) else 1.0
-        going_on = motion.times(ratio)
+        going_on = motion.scaled(ratio)
         likely = self.settings
         within = going_on.length_m <= likely.likely_m and abs(going_on.yaw_rad) <= likely.likely_rad
         return going_on if within else None
 
-    def _is_surprise(self, off: PlaneMotion) -> bool:
+    def _is_surprise(self, off: SE2) -> bool:
         return off.length_m > self.settings.surprise_m or abs(off.yaw_rad) > self.settings.surprise_rad
 
     def _found(
@@ -218,7 +219,7 @@ class KeyframeOdometry:
         parts = [
             Part(
                 matches=self.estimator.matches(source, stop.searchable, within_m=within_m),
-                stood_at=stop.pose.tensors(),
+                stood_at=to_motion(stop.pose),
                 twist=stop.twist if stop is not track.before else None,
                 weight=self.settings.keyframe_weight if stop is not track.before else 1.0,
             )
@@ -227,8 +228,8 @@ class KeyframeOdometry:
         return self.estimator.solve(parts, rolling)
 
 
-def _with_twist(keyframe: Keyframe, motion: PlaneMotion, took_s: float) -> Keyframe:
+def _with_twist(keyframe: Keyframe, motion: SE2, took_s: float) -> Keyframe:
     """Return a keyframe with its velocities, unless they are known, by a motion next to it."""
     if keyframe.twist is not None or not (took_s != 0 and math.isfinite(took_s)):
         return keyframe
-    return replace(keyframe, twist=twist_between(motion.tensors(), took_s))
+    return replace(keyframe, twist=twist_between(to_motion(motion), took_s))

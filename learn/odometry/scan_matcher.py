@@ -16,10 +16,10 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from echoscape.learn.data.image import Projector, range_cells
 from echoscape.learn.geometry.matches import Matches
-from echoscape.learn.geometry.motion_compensation import Part, ScanMotionModel, relative, solve_compensated
+from echoscape.learn.geometry.motion_compensation import Part, ScanMotionModel, solve_compensated
 from echoscape.learn.geometry.pose_refinement import turned_precision
 from echoscape.learn.geometry.procrustes import ROBUST_SCALE_PX, Motion
-from echoscape.learn.geometry.se2 import STILL, PlaneMotion, plane_motion_of
+from echoscape.learn.geometry.se2 import relative, to_motion, to_pose, transform
 from echoscape.learn.model.keypoint_model import (
     Destination,
     Features,
@@ -27,6 +27,7 @@ from echoscape.learn.model.keypoint_model import (
     Matching,
     destination_of,
 )
+from echoscape.sim.datasets.se2 import IDENTITY, SE2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +40,7 @@ class ScanFeatures:
 
     seen: Features
     cells: NDArray[np.uint8]
-    shown_at: PlaneMotion = STILL
+    shown_at: SE2 = IDENTITY
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +51,7 @@ class MatchTarget:
     """
 
     destination: Destination
-    shown_at: PlaneMotion
+    shown_at: SE2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +88,7 @@ class PairEstimate:
     of the matches that the motion explains, those with other destinations included.
     """
 
-    motion: PlaneMotion
+    motion: SE2
     source_m: NDArray[np.float32]
     destination_m: NDArray[np.float32]
     weights: NDArray[np.float32]
@@ -111,7 +112,7 @@ class ScanMatcher:
         bin_m: float,
         *,
         range_offset_m: float = 0.0,
-        shown_at: PlaneMotion = STILL,
+        shown_at: SE2 = IDENTITY,
     ) -> ScanFeatures:
         """Return what is kept of a scan with codes (azimuths, bins), shown at a pose.
 
@@ -122,7 +123,7 @@ class ScanMatcher:
         return self._seen(cells, shown_at)
 
     @torch.inference_mode()
-    def shown(self, scan: ScanFeatures, shown_at: PlaneMotion) -> ScanFeatures:
+    def shown(self, scan: ScanFeatures, shown_at: SE2) -> ScanFeatures:
         """Return what is kept of a scan once its picture shows it at another pose."""
         return scan if shown_at == scan.shown_at else self._seen(scan.cells, shown_at)
 
@@ -143,11 +144,11 @@ class ScanMatcher:
         found = self.model.matches(source.seen.keypoints, into.destination, within_m=within_m)
         return replace(
             found,
-            source_m=source.shown_at.inverse().of_points(found.source_m),
-            destination_m=into.shown_at.inverse().of_points(found.destination_m),
+            source_m=transform(source.shown_at.inverse(), found.source_m),
+            destination_m=transform(into.shown_at.inverse(), found.destination_m),
             precision=None
             if found.precision is None
-            else turned_precision(found.precision, into.shown_at.inverse().tensors().rotation),
+            else turned_precision(found.precision, to_motion(into.shown_at.inverse()).rotation),
         )
 
     @torch.inference_mode()
@@ -162,7 +163,7 @@ class ScanMatcher:
         )
         last = parts[-1].matches
         return PairEstimate(
-            motion=plane_motion_of(motion),
+            motion=to_pose(motion),
             source_m=last.source_m[0].numpy(),
             destination_m=last.destination_m[0].numpy(),
             weights=last.weights[0].numpy(),
@@ -195,9 +196,9 @@ class ScanMatcher:
             raise ValueError(f"headings must be 1 or more, got {headings}")
         into = self.searchable(destination)
         turns = (2 * math.pi * number / headings for number in range(headings))
-        shown = (self.shown(source, replace(STILL, yaw_rad=turn)) for turn in turns)
+        shown = (self.shown(source, replace(IDENTITY, yaw_rad=turn)) for turn in turns)
         best = max((self._estimate(each, into) for each in shown), key=lambda found: found.agreement)
-        refined = self._estimate(self.shown(source, into.shown_at.then(best.motion)), into)
+        refined = self._estimate(self.shown(source, into.shown_at @ best.motion), into)
         return max(refined, best, key=lambda found: found.agreement)
 
     @torch.inference_mode()
@@ -205,7 +206,7 @@ class ScanMatcher:
         """Return the description (248,) float32 of the scan's place."""
         return self.model.embedding(scan.seen)[0].numpy()
 
-    def _seen(self, cells: NDArray[np.uint8], shown_at: PlaneMotion) -> ScanFeatures:
+    def _seen(self, cells: NDArray[np.uint8], shown_at: SE2) -> ScanFeatures:
         """Return what the network says of range cells, shown at a pose."""
         if len(cells) not in self._projectors:
             self._projectors[len(cells)] = Projector(self.model.settings.image, len(cells))
@@ -218,7 +219,7 @@ class ScanMatcher:
     def _estimate(
         self, source: ScanFeatures, into: MatchTarget, rolling: ScanMotionModel | None = None
     ) -> PairEstimate:
-        return self.solve([Part(matches=self.matches(source, into), stood_at=STILL.tensors())], rolling)
+        return self.solve([Part(matches=self.matches(source, into), stood_at=to_motion(IDENTITY))], rolling)
 
 
 def _agreement(part: Part, motion: Motion, scale_m: float) -> float:

@@ -7,7 +7,6 @@ first picture and the unit of its time stamps (docs/conventions.md). Pictures ar
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +20,9 @@ from echoscape.sim.datasets.files.navtech_png import HEADER_COLUMNS, grey_pixels
 from echoscape.sim.datasets.files.truth_npz import read_truth
 from echoscape.sim.datasets.layouts.boreas import RT_OFFSET_M, UPDATED_BIN_M, UPDATED_US
 from echoscape.sim.datasets.layouts.layout import Layout
-from echoscape.sim.datasets.layouts.oxford import relative_pose
 from echoscape.sim.datasets.layouts.registry import LAYOUTS, layout_named, layout_of
 from echoscape.sim.datasets.polar_scan import PolarScan, ScanTruth
+from echoscape.sim.datasets.se2 import from_world, relative
 from echoscape.sim.sensor.registry import SENSORS
 from echoscape.sim.sensor.sensor import Sensor
 
@@ -112,7 +111,9 @@ class ScanFolder:
         poses = self.poses()
         if poses is None:
             return None
-        return np.array([relative_pose(*pair) for pair in pairwise(poses)]).reshape(-1, 4)
+        planar, down_m = from_world(poses), -poses[:, 2]
+        x, y, yaw = relative(planar[:-1], planar[1:]).T
+        return np.stack([x, y, np.diff(down_m), yaw], axis=-1)
 
 
 def open_folder(folder: Path | str, *, layout: str | None = None, sensor: Sensor | None = None) -> ScanFolder:

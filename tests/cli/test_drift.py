@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from echoscape.cli.__main__ import main
-from echoscape.eval.odometry.trajectory_io import chained, kitti_text, matrices
+from echoscape.eval.odometry.trajectory_io import kitti_text, matrices
+from echoscape.sim.datasets.se2 import chain
 from tests.paths import SHARED
 
 
 def write_drive(path: Path, *, frames: int, step_m: float) -> str:
     motions = np.tile([step_m, 0.0, 0.0], (frames - 1, 1))
-    path.write_text(kitti_text(matrices(chained(motions))))
+    path.write_text(kitti_text(matrices(chain(motions))))
     return str(path)
 
 

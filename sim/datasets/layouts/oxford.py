@@ -5,7 +5,6 @@ docs/conventions.md says how its axes and times relate to ours.
 """
 
 import csv
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,6 +17,7 @@ from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, w
 from echoscape.sim.datasets.files.navtech_png import read_png as read_png
 from echoscape.sim.datasets.files.navtech_png import write_png as write_png
 from echoscape.sim.datasets.layouts.layout import Layout, ScanRecord
+from echoscape.sim.datasets.se2 import compose, from_world, relative_from_world, to_world
 from echoscape.sim.sensor.sensor import Sensor
 
 ODOMETRY_HEADER = (
@@ -77,20 +77,6 @@ class OdometryRow:
     yaw: float
     source_radar_us: int
     destination_radar_us: int
-
-
-def relative_pose(
-    earlier: NDArray[np.float64], later: NDArray[np.float64]
-) -> tuple[float, float, float, float]:
-    """Return x, y, z [m] and yaw [rad] in Oxford axes of the pose `later` seen from the pose `earlier`.
-
-    Both (4,): x, y, z [m] and yaw [rad] in the world, which has z up and yaw counter-clockwise.
-    """
-    east, north, up, turn = (float(value) for value in np.asarray(later) - np.asarray(earlier))
-    cosine, sine = math.cos(earlier[3]), math.sin(earlier[3])
-    forward, left = cosine * east + sine * north, cosine * north - sine * east
-    yaw = math.remainder(-turn, 2 * math.pi)
-    return forward + 0.0, 0.0 - left, 0.0 - up, yaw + 0.0
 
 
 def write_odometry(path: Path, rows: Sequence[OdometryRow]) -> None:
@@ -173,29 +159,24 @@ class Oxford(Layout):
         for i, pair in enumerate(pairs[first:], first):
             if pair not in rows:
                 break
-            poses[i + 1] = _moved(poses[i], rows[pair])
+            row = rows[pair]
+            poses[i + 1] = to_world(compose(from_world(poses[i]), [row.x, row.y, row.yaw]))
+            poses[i + 1, 2] = poses[i, 2] - row.z
         return poses if pairs[first:] else np.full_like(poses, np.nan)
 
 
 def _odometry_row(earlier: ScanRecord, later: ScanRecord) -> OdometryRow:
     """Return the motion from one scan to the next."""
-    x, y, z, yaw = relative_pose(earlier.middle_pose, later.middle_pose)
+    motion = relative_from_world(earlier.middle_pose, later.middle_pose)
     return OdometryRow(
         source_us=later.middle_us,
         destination_us=earlier.middle_us,
-        x=x,
-        y=y,
-        z=z,
+        x=motion.x_m,
+        y=motion.y_m,
+        z=0.0 - float(later.middle_pose[2] - earlier.middle_pose[2]),  # down
         roll=0.0,
         pitch=0.0,
-        yaw=yaw,
+        yaw=motion.yaw_rad,
         source_radar_us=int(later.stem),
         destination_radar_us=int(earlier.stem),
     )
-
-
-def _moved(pose: NDArray[np.float64], row: OdometryRow) -> NDArray[np.float64]:
-    """Return the pose (4,) after the motion `row` from `pose`: the inverse of `relative_pose`."""
-    cosine, sine = math.cos(pose[3]), math.sin(pose[3])
-    step = (cosine * row.x + sine * row.y, sine * row.x - cosine * row.y, -row.z, -row.yaw)
-    return pose + np.array(step)

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from echoscape.eval.odometry.kitti_drift import LENGTHS_M, drift, drift_of_segments, joined, segments
-from echoscape.eval.odometry.trajectory_io import chained, composed, matrices, read_kitti
+from echoscape.eval.odometry.trajectory_io import matrices, read_kitti
+from echoscape.sim.datasets.se2 import chain, compose
 from tests.paths import SHARED
 
 KITTI = SHARED / "kitti"
@@ -16,14 +17,14 @@ KITTI = SHARED / "kitti"
 
 def straight(metres: int) -> np.ndarray:
     """A drive straight on, a frame a metre: frames at 0, 1, ..., `metres`."""
-    return chained(np.tile([1.0, 0.0, 0.0], (metres, 1)))
+    return chain(np.tile([1.0, 0.0, 0.0], (metres, 1)))
 
 
 def winding(frames: int = 700, *, seed: int = 3) -> np.ndarray:
     """A drive of some 2 m a frame that turns now and then."""
     rng = np.random.default_rng(seed)
     yaw = np.deg2rad(3 * np.sin(np.arange(frames) / 20) + rng.normal(0, 0.3, frames))
-    return chained(np.stack([rng.uniform(1.5, 2.5, frames), rng.normal(0, 0.02, frames), yaw], axis=1))
+    return chain(np.stack([rng.uniform(1.5, 2.5, frames), rng.normal(0, 0.02, frames), yaw], axis=1))
 
 
 @pytest.mark.parametrize("name", ["01", "21"])
@@ -77,7 +78,7 @@ def test_one_per_cent_of_scale_is_one_per_cent_of_drift() -> None:
 
 def test_constant_turning_is_that_much_rotation() -> None:
     per_m = math.radians(0.01)
-    turning = chained(np.tile([1.0, 0.0, per_m], (900, 1)))
+    turning = chain(np.tile([1.0, 0.0, per_m], (900, 1)))
     found = drift(turning, straight(900), step=10)
     # A segment of nominally L metres has L + 1 steps.
     counts = [len(range(0, 900 - int(length), 10)) for length in LENGTHS_M]
@@ -100,7 +101,7 @@ def test_constant_turning_is_that_much_rotation() -> None:
 def test_drift_does_not_depend_on_where_the_world_begins(moved: tuple[float, ...], seed: int) -> None:
     true, found = winding(150), winding(150, seed=seed)
     here = drift(found, true)
-    there = drift(composed(np.array(moved), found), composed(np.array(moved), true))
+    there = drift(compose(np.array(moved), found), compose(np.array(moved), true))
     assert here.segments == there.segments > 0
     assert here.translation_percent == pytest.approx(there.translation_percent, abs=1e-7)
     assert here.rotation_deg_per_m == pytest.approx(there.rotation_deg_per_m, abs=1e-7)

@@ -14,11 +14,11 @@ from echoscape.eval.odometry.learned import (
     learned_odometry,
     shipped_weights,
 )
-from echoscape.learn.geometry.se2 import PlaneMotion
 from echoscape.learn.model.weights import read_weights
 from echoscape.learn.odometry.keyframe_odometry import PAIRS_ALONE, KeyframeOdometry, OdometryConfig, Scan
 from echoscape.learn.odometry.scan_matcher import PairEstimate, ScanMatcher
 from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.se2 import SE2
 from tests.eval.drives import landmarks, scan_of
 
 
@@ -36,7 +36,7 @@ class Recorded:
 
     def follow(self, track: Scan, scan: Scan) -> tuple[PairEstimate, Scan]:
         found = PairEstimate(
-            motion=PlaneMotion(x_m=2.0, y_m=0.5, yaw_rad=0.1),
+            motion=SE2(x_m=2.0, y_m=0.5, yaw_rad=0.1),
             source_m=np.full((3, 2), scan.middle_s, np.float32),
             destination_m=np.full((3, 2), track.middle_s, np.float32),
             weights=np.ones(3, np.float32),

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from echoscape.eval.odometry.loop_closure import APART_M, loop_closure_recall, places_of, turned_pairs
-from echoscape.learn.geometry.se2 import PlaneMotion
 from echoscape.learn.odometry.scan_matcher import PairEstimate, ScanMatcher
 from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.se2 import SE2
 from tests.eval.drives import TINY, opened, write_drive
 
 ROWS = TINY.azimuths
 
 
-def _estimate(motion: PlaneMotion) -> PairEstimate:
+def _estimate(motion: SE2) -> PairEstimate:
     none = np.zeros((1, 2), np.float32)
     return PairEstimate(
         motion=motion, source_m=none, destination_m=none, weights=none[:, 0], certain=True, agreement=1.0
@@ -31,14 +31,14 @@ class Blind:
         return codes
 
     def estimate(self, source: np.ndarray, destination: np.ndarray) -> PairEstimate:
-        return _estimate(PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+        return _estimate(SE2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
 
     def estimate_any_heading(
         self, source: np.ndarray, destination: np.ndarray, *, headings: int
     ) -> PairEstimate:
         """Find the turn by brute force: by how many rows one scan is the other."""
         rows = [n for n in range(ROWS) if np.array_equal(np.roll(destination, n, axis=0), source)]
-        return _estimate(PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=-2 * math.pi * rows[0] / ROWS))
+        return _estimate(SE2(x_m=0.0, y_m=0.0, yaw_rad=-2 * math.pi * rows[0] / ROWS))
 
 
 def _circle(count: int = 40, radius_m: float = 10.0) -> np.ndarray:

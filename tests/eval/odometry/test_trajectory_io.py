@@ -10,65 +10,23 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from echoscape.eval.odometry.trajectory_io import (
-    between,
-    chained,
-    composed,
     kitti_text,
     matrices,
-    planar_of_world,
     read_kitti,
     read_tum,
     tum_text,
 )
 from echoscape.sim.datasets.files.atomic_write import DatasetError
-from echoscape.sim.datasets.layouts.oxford import relative_pose
+from echoscape.sim.datasets.se2 import compose
 
 QUARTER = math.pi / 2
 POSE = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-3, 3)).map(np.array)
 
 
-def test_right_turns_drive_a_square_clockwise() -> None:
-    # Ten metres ahead, then a quarter turn to the right, four times: back at the start.
-    poses = chained([[10.0, 0.0, QUARTER]] * 4)
-    assert_allclose(poses[:, :2], [[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]], atol=1e-12)
-    assert_allclose(poses[:, 2], np.arange(5) * QUARTER)
-
-
-def test_motion_is_told_in_the_axes_of_the_earlier_scan() -> None:
-    # Facing right after the first motion, a metre ahead is a metre to the right of the start.
-    assert_allclose(chained([[0.0, 0.0, QUARTER], [1.0, 0.0, 0.0]])[-1], [0, 1, QUARTER], atol=1e-15)
-    # And a metre to the car's right is a metre behind the start.
-    assert_allclose(chained([[0.0, 0.0, QUARTER], [0.0, 1.0, 0.0]])[-1], [-1, 0, QUARTER], atol=1e-15)
-
-
-@given(POSE, POSE)
-def test_motion_between_two_poses_leads_from_one_to_the_other(first: np.ndarray, second: np.ndarray) -> None:
-    reached = composed(first, between(first, second))
-    assert_allclose(reached[:2], second[:2], atol=1e-10)
-    assert math.remainder(reached[2] - second[2], 2 * math.pi) == pytest.approx(0, abs=1e-12)
-
-
 @given(POSE, POSE)
 def test_matrices_multiply_as_poses_compose(first: np.ndarray, second: np.ndarray) -> None:
     both = matrices(np.array([first, second]))
-    assert_allclose(both[0] @ both[1], matrices(composed(first, second)[None])[0], atol=1e-10)
-
-
-@given(POSE, POSE)
-def test_world_poses_become_the_motion_of_the_odometry_file(first: np.ndarray, second: np.ndarray) -> None:
-    world = np.array([[x, y, 7.0, yaw] for x, y, yaw in (first, second)])
-    x, y, _, yaw = relative_pose(world[0], world[1])
-    planar = planar_of_world(world)
-    assert_allclose(between(planar[0], planar[1])[:2], [x, y], atol=1e-10)
-    assert math.remainder(between(planar[0], planar[1])[2] - yaw, 2 * math.pi) == pytest.approx(0, abs=1e-12)
-
-
-def test_chain_needs_finite_motions() -> None:
-    with pytest.raises(ValueError, match=r"motions must be finite \(pairs, 3\), got shape \(4, 2\)"):
-        chained(np.zeros((4, 2)))
-    with pytest.raises(ValueError, match="not finite"):
-        chained([[math.nan, 0, 0]])
-    assert_allclose(chained(np.zeros((0, 3))), np.zeros((1, 3)))
+    assert_allclose(both[0] @ both[1], matrices(compose(first, second)[None])[0], atol=1e-10)
 
 
 def rotations(count: int) -> np.ndarray:

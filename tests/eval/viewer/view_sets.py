@@ -11,8 +11,9 @@ from echoscape.scenes.core.scene import CLASSES
 from echoscape.sim.datasets.files.metadata import FORMAT
 from echoscape.sim.datasets.files.navtech_png import write_png
 from echoscape.sim.datasets.files.truth_npz import write_truth
-from echoscape.sim.datasets.layouts.oxford import OdometryRow, relative_pose, write_odometry, write_timestamps
+from echoscape.sim.datasets.layouts.oxford import OdometryRow, write_odometry, write_timestamps
 from echoscape.sim.datasets.polar_scan import CellTruth, Component, MoverBoxes, PolarScan, ScanTruth
+from echoscape.sim.datasets.se2 import relative_from_world
 from echoscape.sim.sensor.cts350x import CTS350X
 
 SENSOR = replace(CTS350X, bins=1000)
@@ -107,17 +108,17 @@ def _manifest(scans: int) -> dict:
 
 
 def _row(number: int) -> OdometryRow:
-    x, y, z, yaw = relative_pose(pose_at(number - 1), pose_at(number))
+    motion = relative_from_world(pose_at(number - 1), pose_at(number))
     stamp = START_US + number * TURN_US
     return OdometryRow(
         source_us=stamp + TURN_US // 2,
         destination_us=stamp - TURN_US // 2,
-        x=x,
-        y=y,
-        z=z,
+        x=motion.x_m,
+        y=motion.y_m,
+        z=0.0,
         roll=0.0,
         pitch=0.0,
-        yaw=yaw,
+        yaw=motion.yaw_rad,
         source_radar_us=stamp,
         destination_radar_us=stamp - TURN_US,
     )

@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 from torch import Tensor
 
 from echoscape.learn.data.ground_truth import DriveMotion, Roll, Truth, drive_motion, rolls
-from echoscape.learn.data.scan_pairs import motion_tensors
 from echoscape.learn.geometry.matches import Matches
-from echoscape.learn.geometry.se2 import STILL, PlaneMotion
+from echoscape.learn.geometry.se2 import to_motion, transform
 from echoscape.sim.datasets.scan_folder import open_folder
+from echoscape.sim.datasets.se2 import IDENTITY, SE2
 from tests.learn.folders import write_folder
 
 TURN_S, BETA_S = 0.25, 0.05
@@ -24,9 +24,9 @@ def points(count: int = 40) -> Tensor:
     return torch.stack([range_m * angle.cos(), range_m * angle.sin()], -1)[None]
 
 
-def roll(shown_at: PlaneMotion, velocity: tuple[float, float, float]) -> Roll:
+def roll(shown_at: SE2, velocity: tuple[float, float, float]) -> Roll:
     drive = DriveMotion(velocities=np.array([velocity]), turn_s=TURN_S, doppler_beta_s=BETA_S)
-    return rolls([(drive, 0)], shown_at.tensors())
+    return rolls([(drive, 0)], to_motion(shown_at))
 
 
 def seen(spot: tuple[float, float], velocity: tuple[float, float, float]) -> tuple[float, float]:
@@ -60,38 +60,38 @@ def seen(spot: tuple[float, float], velocity: tuple[float, float, float]) -> tup
 
 
 @pytest.mark.parametrize("velocity", [(9.0, 0.2, 0.3), (-2.0, 0.0, 0.0)])
-@pytest.mark.parametrize("shown_at", [STILL, PlaneMotion(x_m=5.0, y_m=-3.0, yaw_rad=2.0)])
+@pytest.mark.parametrize("shown_at", [IDENTITY, SE2(x_m=5.0, y_m=-3.0, yaw_rad=2.0)])
 def test_points_of_a_picture_are_put_where_they_are_at_mid_scan(
-    velocity: tuple[float, float, float], shown_at: PlaneMotion
+    velocity: tuple[float, float, float], shown_at: SE2
 ) -> None:
     true = points()
     pictured = torch.tensor([[seen((x, y), velocity) for x, y in true[0].tolist()]])
-    found = roll(shown_at, velocity).undone(shown_at.of_points(pictured))
-    assert_allclose(found, shown_at.of_points(true), atol=1e-3)
+    found = roll(shown_at, velocity).undone(transform(shown_at, pictured))
+    assert_allclose(found, transform(shown_at, true), atol=1e-3)
 
 
-@pytest.mark.parametrize("shown_at", [STILL, PlaneMotion(x_m=5.0, y_m=-3.0, yaw_rad=2.0)])
+@pytest.mark.parametrize("shown_at", [IDENTITY, SE2(x_m=5.0, y_m=-3.0, yaw_rad=2.0)])
 @pytest.mark.parametrize("velocity", [(9.0, 0.2, 0.3), (30.0, 0.0, 0.1)])
-def test_doing_is_the_inverse_of_undoing(shown_at: PlaneMotion, velocity: tuple[float, float, float]) -> None:
-    rolled, true = roll(shown_at, velocity), shown_at.of_points(points())
+def test_doing_is_the_inverse_of_undoing(shown_at: SE2, velocity: tuple[float, float, float]) -> None:
+    rolled, true = roll(shown_at, velocity), transform(shown_at, points())
     assert float((rolled.done(true) - true).abs().max()) > 0.5
     assert_allclose(rolled.undone(rolled.done(true)), true, atol=1e-3)
 
 
 def test_places_and_matches_agree_on_how_scans_rolled() -> None:
     """What is matched with its true place is off by nothing once both are put to mid-scan."""
-    motion = PlaneMotion(x_m=2.0, y_m=0.3, yaw_rad=0.2)
+    motion = SE2(x_m=2.0, y_m=0.3, yaw_rad=0.2)
     truth = Truth(
-        motion=motion.tensors(),
-        source=roll(PlaneMotion(x_m=1.0, y_m=0.5, yaw_rad=0.1), (9.0, 0.0, 0.2)),
-        destination=roll(STILL, (8.0, 0.0, -0.1)),
+        motion=to_motion(motion),
+        source=roll(SE2(x_m=1.0, y_m=0.5, yaw_rad=0.1), (9.0, 0.0, 0.2)),
+        destination=roll(IDENTITY, (8.0, 0.0, -0.1)),
     )
     source = points()
     matches = Matches(source_m=source, destination_m=truth.places(source), weights=torch.ones(1, 40))
     assert float(matches.errors_m(truth.motion).max()) > 0.1
     assert float(truth.to_mid_scan(matches).errors_m(truth.motion).max()) < 5e-3
-    still = Truth(motion=motion.tensors())
-    assert_allclose(still.places(source), motion.of_points(source))
+    still = Truth(motion=to_motion(motion))
+    assert_allclose(still.places(source), transform(motion, source))
     assert still.to_mid_scan(matches) is matches
 
 
@@ -119,8 +119,8 @@ def test_each_scan_of_a_batch_has_its_own_velocity_and_turn() -> None:
         velocities=np.array([(0.0, 0.0, 0.0), (9.0, 0.0, 0.0)]), turn_s=0.2, doppler_beta_s=0.0
     )
     slow = DriveMotion(velocities=np.array([(1.0, 0.0, 0.0)]), turn_s=0.3, doppler_beta_s=0.1)
-    both = rolls([(fast, 1), (slow, 0)], motion_tensors([STILL, STILL]))
+    both = rolls([(fast, 1), (slow, 0)], to_motion([IDENTITY, IDENTITY]))
     assert both.twist.velocity_mps[:, 0].tolist() == [9.0, 1.0]
-    alone = rolls([(slow, 0)], STILL.tensors())
+    alone = rolls([(slow, 0)], to_motion(IDENTITY))
     spots = points().expand(2, -1, -1)
     assert_allclose(both.undone(spots)[1:], alone.undone(points()), atol=1e-6)

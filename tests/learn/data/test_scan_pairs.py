@@ -13,9 +13,9 @@ from numpy.testing import assert_allclose
 from echoscape.learn.data.augmentation import Turns, TurnSettings, drawn_turns, turned
 from echoscape.learn.data.image import ImageSettings
 from echoscape.learn.data.scan_pairs import Pair, PairSet
-from echoscape.learn.geometry.se2 import PlaneMotion
 from echoscape.learn.model.pixel_coords import pixels_of_metres
 from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.se2 import SE2
 from tests.learn.folders import motion_between, world, write_folder
 
 IMAGE = ImageSettings(pixel_m=0.6912, size=160)
@@ -94,7 +94,7 @@ def test_turning_and_shifting_pictures_changes_the_motion_exactly(
 ) -> None:
     x, y = shift
     found = turned(
-        PlaneMotion(x_m=x, y_m=y, yaw_rad=yaw),
+        SE2(x_m=x, y_m=y, yaw_rad=yaw),
         Turns(source_rad=source, destination_rad=destination, shift_m=source_shift),
     )
     point = complex(4.0, -2.0)  # forward + i right: clockwise turns are products with exp(i angle)

@@ -24,7 +24,8 @@ from echoscape.learn.geometry.motion_compensation import (
     twist_between,
 )
 from echoscape.learn.geometry.procrustes import Motion, rotation_of_yaw
-from echoscape.learn.geometry.se2 import STILL, PlaneMotion
+from echoscape.learn.geometry.se2 import to_motion, transform
+from echoscape.sim.datasets.se2 import IDENTITY, SE2
 
 TURN_S, BETA_S, GAP_S = 0.25, 0.049, 0.25
 
@@ -126,7 +127,7 @@ def test_the_motion_between_rolling_scans_is_exact_at_steady_velocity(
     rolling = ScanMotionModel(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=-GAP_S if backwards else GAP_S)
     expected = np.linalg.inv(later) if backwards else later
     found, (part,) = solve_compensated(
-        [Part(matches=matches, stood_at=STILL.tensors(torch.float64))], rolling=rolling
+        [Part(matches=matches, stood_at=to_motion(IDENTITY, torch.float64))], rolling=rolling
     )
     moved = part.matches
     assert_allclose(
@@ -155,7 +156,7 @@ def test_a_keyframe_that_was_seen_at_another_velocity_is_put_right_by_its_own() 
         "source": np.stack([_seen(spot, straight) for spot in away(source)[kept]]),
     }
     weights = torch.ones(1, int(kept.sum()), dtype=torch.float64)
-    stood = PlaneMotion(x_m=3.0, y_m=0.5, yaw_rad=0.3).tensors(torch.float64)
+    stood = to_motion(SE2(x_m=3.0, y_m=0.5, yaw_rad=0.3), torch.float64)
     twist = Twist(velocity_mps=torch.tensor([turning[:2]]), yaw_rate_rps=torch.tensor([turning[2]]))
     parts = [
         Part(
@@ -165,7 +166,7 @@ def test_a_keyframe_that_was_seen_at_another_velocity_is_put_right_by_its_own() 
             stood_at=pose,
             twist=own,
         )
-        for name, pose, own in (("key", STILL.tensors(torch.float64), twist), ("before", stood, None))
+        for name, pose, own in (("key", to_motion(IDENTITY, torch.float64), twist), ("before", stood, None))
     ]
     rolling = ScanMotionModel(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
     found, _ = solve_compensated(parts, rolling=rolling)
@@ -175,16 +176,16 @@ def test_a_keyframe_that_was_seen_at_another_velocity_is_put_right_by_its_own() 
 
 def test_parts_count_by_direction_in_the_frame_of_the_answer_and_by_weight() -> None:
     """Matches of a stop that stands turned slid ahead along a wall; its precisions turn with it."""
-    where = PlaneMotion(x_m=3.0, y_m=0.5, yaw_rad=0.6)
-    there = PlaneMotion(x_m=4.0, y_m=1.0, yaw_rad=0.7)
+    where = SE2(x_m=3.0, y_m=0.5, yaw_rad=0.6)
+    there = SE2(x_m=4.0, y_m=1.0, yaw_rad=0.7)
     world = _tensor(_spots())
-    source = there.inverse().of_points(world.float())
-    stop = where.inverse().of_points(world.float())
+    source = transform(there.inverse(), world.float())
+    stop = transform(where.inverse(), world.float())
     slid = stop + torch.tensor([0.4, 0.0])
     ahead = torch.diag(torch.tensor([0.0, 1.0])).expand(1, 12, 2, 2)
     part = Part(
         matches=Matches(source_m=source, destination_m=slid, weights=torch.ones(1, 12), precision=ahead),
-        stood_at=where.tensors(),
+        stood_at=to_motion(where),
     )
     few = Matches(
         source_m=source[:, :3],
@@ -192,14 +193,14 @@ def test_parts_count_by_direction_in_the_frame_of_the_answer_and_by_weight() -> 
         weights=torch.ones(1, 3),
         precision=torch.eye(2).expand(1, 3, 2, 2),
     )
-    found, _ = solve_compensated([Part(matches=few, stood_at=STILL.tensors()), part], scale_m=0.5)
+    found, _ = solve_compensated([Part(matches=few, stood_at=to_motion(IDENTITY)), part], scale_m=0.5)
     assert_allclose(found.translation_m[0], [4.0, 1.0], atol=1e-3)
     assert_allclose(found.yaw_rad, 0.7, atol=1e-4)
     # Two parts at odds meet at their weights' mean.
     shifted = replace(few, destination_m=few.destination_m + torch.tensor([0.04, 0.0]))
     parts = [
-        Part(matches=few, stood_at=STILL.tensors(), weight=3.0),
-        Part(matches=shifted, stood_at=STILL.tensors()),
+        Part(matches=few, stood_at=to_motion(IDENTITY), weight=3.0),
+        Part(matches=shifted, stood_at=to_motion(IDENTITY)),
     ]
     found, _ = solve_compensated(parts)
     assert_allclose(found.translation_m[0], [4.01, 1.0], atol=1e-3)
@@ -240,7 +241,7 @@ def test_parts_of_one_destination_are_one_part() -> None:
         matches = Matches(
             source_m=later[:, which], destination_m=earlier[:, which], weights=weights[:, which]
         )
-        return Part(matches=matches, stood_at=STILL.tensors(torch.float64))
+        return Part(matches=matches, stood_at=to_motion(IDENTITY, torch.float64))
 
     whole, _ = solve_compensated([part(slice(None))], rolling=rolling)
     halves, seen = solve_compensated([part(slice(0, 6)), part(slice(6, None))], rolling=rolling)

@@ -11,11 +11,12 @@ from torch.testing import assert_close
 
 from echoscape.learn.geometry.pose_refinement import motion_by_precision, turned_precision, weighed_squares
 from echoscape.learn.geometry.procrustes import motion_of_matches, robust_motion, rotation_of_yaw
-from echoscape.learn.geometry.se2 import PlaneMotion, plane_motion_of
+from echoscape.learn.geometry.se2 import to_motion, to_pose, transform
 from echoscape.learn.model.descriptors import unit
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
 from echoscape.learn.model.local_matching import Moments, Near, match_local
 from echoscape.learn.model.prior_removal import precision_of_pixels, remove_prior
+from echoscape.sim.datasets.se2 import SE2
 from tests.learn.maps import drawn_maps
 
 SHARPEST_PX = 0.7
@@ -98,14 +99,14 @@ def test_a_square_is_the_same_in_any_frame() -> None:
     assert_close(found, weighed_squares(off, precision))
 
 
-def scene(motion: PlaneMotion, *, seed: int = 0) -> tuple[Tensor, Tensor, Tensor]:
+def scene(motion: SE2, *, seed: int = 0) -> tuple[Tensor, Tensor, Tensor]:
     """Return sources and destinations (1, 60, 2) by a motion, and weights."""
     generator = torch.Generator().manual_seed(seed)
     source = 100 * (torch.rand(1, 60, 2, generator=generator) - 0.5)
-    return source, motion.of_points(source), torch.rand(1, 60, generator=generator) + 0.1
+    return source, transform(motion, source), torch.rand(1, 60, generator=generator) + 0.1
 
 
-MOTION = PlaneMotion(x_m=1.2, y_m=-0.3, yaw_rad=0.05)
+MOTION = SE2(x_m=1.2, y_m=-0.3, yaw_rad=0.05)
 
 
 def test_exact_matches_give_the_exact_motion_whatever_their_precisions() -> None:
@@ -114,7 +115,7 @@ def test_exact_matches_give_the_exact_motion_whatever_their_precisions() -> None
     found = motion_by_precision(source, destination, weights, precision, scale_m=0.7)
     assert bool(found.certain)
     for name in ("x_m", "y_m", "yaw_rad"):
-        assert getattr(plane_motion_of(found), name) == pytest.approx(getattr(MOTION, name), abs=1e-5)
+        assert getattr(to_pose(found), name) == pytest.approx(getattr(MOTION, name), abs=1e-5)
 
 
 def test_walls_that_slide_along_themselves_do_not_move_the_answer() -> None:
@@ -123,8 +124,8 @@ def test_walls_that_slide_along_themselves_do_not_move_the_answer() -> None:
     slid[:, :40, 0] += 0.4  # two in three are found too far ahead, along a wall ahead
     precision = torch.eye(2).expand(1, 60, 2, 2).clone()
     precision[:, :40, 0, 0] = 0.0
-    found = plane_motion_of(motion_by_precision(source, slid, weights, precision, scale_m=0.7))
-    alike = plane_motion_of(robust_motion(source, slid, weights, scale_m=0.7))
+    found = to_pose(motion_by_precision(source, slid, weights, precision, scale_m=0.7))
+    alike = to_pose(robust_motion(source, slid, weights, scale_m=0.7))
     assert found.x_m == pytest.approx(MOTION.x_m, abs=1e-4)
     assert abs(alike.x_m - MOTION.x_m) > 0.2
 
@@ -145,7 +146,7 @@ def test_wrong_matches_do_not_count() -> None:
     source, destination, weights = scene(MOTION)
     destination[:, :15] += torch.tensor([6.0, -9.0])
     one = torch.eye(2).expand(1, 60, 2, 2)
-    found = plane_motion_of(motion_by_precision(source, destination, weights, one, scale_m=0.7))
+    found = to_pose(motion_by_precision(source, destination, weights, one, scale_m=0.7))
     assert found.x_m == pytest.approx(MOTION.x_m, abs=5e-3)
     assert found.yaw_rad == pytest.approx(MOTION.yaw_rad, abs=1e-3)
 
@@ -168,7 +169,7 @@ def test_without_a_scale_all_matches_count_by_their_precision_alone() -> None:
     precision = torch.eye(2).expand(1, 60, 2, 2).clone()
     precision[:, :15] = 0.0
     found = motion_by_precision(source, destination, weights, precision, scale_m=None)
-    assert plane_motion_of(found).x_m == pytest.approx(MOTION.x_m, abs=1e-4)
+    assert to_pose(found).x_m == pytest.approx(MOTION.x_m, abs=1e-4)
     one = torch.eye(2).expand(1, 60, 2, 2)
     every = motion_by_precision(source, destination, weights, one, scale_m=None)
     wanted = motion_of_matches(source, destination, weights)
@@ -180,11 +181,11 @@ def test_a_motion_to_begin_with_decides_which_of_two_is_found() -> None:
     source, destination, _ = scene(MOTION)
     destination[:, :28, 0] += 3.0
     one, weights = torch.eye(2).expand(1, 60, 2, 2), torch.ones(1, 60)
-    other = PlaneMotion(x_m=MOTION.x_m + 2.8, y_m=MOTION.y_m, yaw_rad=MOTION.yaw_rad)
+    other = SE2(x_m=MOTION.x_m + 2.8, y_m=MOTION.y_m, yaw_rad=MOTION.yaw_rad)
     alone = motion_by_precision(source, destination, weights, one, scale_m=0.5)
-    begun = motion_by_precision(source, destination, weights, one, scale_m=0.5, near=other.tensors())
-    assert plane_motion_of(alone).x_m == pytest.approx(MOTION.x_m, abs=0.1)
-    assert plane_motion_of(begun).x_m == pytest.approx(MOTION.x_m + 3, abs=0.1)
+    begun = motion_by_precision(source, destination, weights, one, scale_m=0.5, near=to_motion(other))
+    assert to_pose(alone).x_m == pytest.approx(MOTION.x_m, abs=0.1)
+    assert to_pose(begun).x_m == pytest.approx(MOTION.x_m + 3, abs=0.1)
 
 
 def test_matches_that_are_not_finite_leave_the_motion_open() -> None:

@@ -14,7 +14,7 @@ from echoscape.learn.data.image import ImageSettings, image_of_codes
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.motion_compensation import Part
 from echoscape.learn.geometry.procrustes import Motion, moved, rotation_of_yaw
-from echoscape.learn.geometry.se2 import STILL, PlaneMotion
+from echoscape.learn.geometry.se2 import to_motion, transform
 from echoscape.learn.model.descriptors import dense_descriptors
 from echoscape.learn.model.keypoint_model import KeypointModel, Matching, ModelSettings, destination_of
 from echoscape.learn.model.keypoints import keypoints_at
@@ -22,6 +22,7 @@ from echoscape.learn.model.pixel_coords import pixels_of_metres
 from echoscape.learn.model.unet import CHANNELS, Maps
 from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, folded, quick_solving
 from echoscape.learn.training.checkpoint import initial_model
+from echoscape.sim.datasets.se2 import IDENTITY, SE2
 from tests.learn.folders import BIN_M
 
 SIZE, PIXEL_M = 80, 1.5
@@ -109,8 +110,8 @@ def test_what_is_looked_for_near_its_place_is_found_as_if_it_were_not() -> None:
     far = torch.linalg.vector_norm(found.destination_m - model.metres(points), dim=-1)
     pulled = torch.linalg.vector_norm(model.metres(points + off) - model.metres(points), dim=-1)
     assert float(far.median()) < 0.1 * float(pulled.median())
-    truth = PlaneMotion(x_m=float(off[0]) * PIXEL_M, y_m=-float(off[1]) * PIXEL_M, yaw_rad=0.0)
-    assert float(found.errors_m(truth.tensors()).median()) < 0.05 * PIXEL_M
+    truth = SE2(x_m=float(off[0]) * PIXEL_M, y_m=-float(off[1]) * PIXEL_M, yaw_rad=0.0)
+    assert float(found.errors_m(to_motion(truth)).median()) < 0.05 * PIXEL_M
 
 
 def test_places_outside_the_destination_surprise_nobody() -> None:
@@ -253,7 +254,7 @@ def test_precisions_are_told_in_the_destinations_own_frame(monkeypatch: pytest.M
     """A picture shows its scan turned by 30 deg; what is said ahead in it is 30 deg to the scan's left."""
     settings = ModelSettings(image=SETTINGS.image, location_head=False, score_head=False)
     estimator = ScanMatcher(initial_model(settings, seed=0))
-    there = PlaneMotion(x_m=1.0, y_m=0.0, yaw_rad=math.radians(30))
+    there = SE2(x_m=1.0, y_m=0.0, yaw_rad=math.radians(30))
     source = estimator.features(_codes(), BIN_M)
     into = estimator.searchable(estimator.features(_codes(), BIN_M, shown_at=there))
     ahead = Matches(
@@ -286,13 +287,13 @@ def test_precisions_by_row_are_told_forward(monkeypatch: pytest.MonkeyPatch) -> 
 def test_agreement_counts_parts_by_their_weight() -> None:
     estimator = ScanMatcher(initial_model(SETTINGS, seed=0), MatcherConfig(robust=True))
     points = torch.tensor([[[10.0, 0.0], [-8.0, 3.0], [0.0, 9.0]]])
-    there = PlaneMotion(x_m=2.0, y_m=-1.0, yaw_rad=0.3)
+    there = SE2(x_m=2.0, y_m=-1.0, yaw_rad=0.3)
     matches = Matches(
-        source_m=points, destination_m=there.inverse().of_points(points), weights=torch.ones(1, 3)
+        source_m=points, destination_m=transform(there.inverse(), points), weights=torch.ones(1, 3)
     )
     parts = [
-        Part(matches=replace(matches, destination_m=points), stood_at=STILL.tensors(), weight=3.0),
-        Part(matches=matches, stood_at=there.tensors()),
+        Part(matches=replace(matches, destination_m=points), stood_at=to_motion(IDENTITY), weight=3.0),
+        Part(matches=matches, stood_at=to_motion(there)),
     ]
     assert estimator.solve(parts).agreement == pytest.approx(12.0, rel=1e-4)
 
@@ -327,16 +328,16 @@ def test_matches_are_told_in_the_scans_own_frames_wherever_pictures_show_them() 
     settings = ModelSettings(image=SETTINGS.image, temperature=3000.0, location_head=False, score_head=False)
     codes = _codes()
     estimator = ScanMatcher(_used_to(codes, settings), MatcherConfig(robust=False))
-    there = PlaneMotion(x_m=6 * PIXEL_M, y_m=-3 * PIXEL_M, yaw_rad=math.pi / 2)
+    there = SE2(x_m=6 * PIXEL_M, y_m=-3 * PIXEL_M, yaw_rad=math.pi / 2)
     source = estimator.features(np.roll(codes, -100, 0), BIN_M)
     destination = estimator.features(codes, BIN_M, shown_at=there)
     # Both show the world alike once the source, a quarter on, is shown a quarter further.
-    quarter = PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=math.pi / 2)
-    shown = estimator.shown(source, there.then(quarter))
+    quarter = SE2(x_m=0.0, y_m=0.0, yaw_rad=math.pi / 2)
+    shown = estimator.shown(source, there @ quarter)
     found = estimator.estimate(shown, destination).motion
     assert_allclose([found.x_m, found.y_m, found.yaw_rad], [0, 0, math.pi / 2], atol=0.1 * PIXEL_M)
     matches = estimator.matches(shown, estimator.searchable(destination), within_m=PIXEL_M)
-    off = torch.linalg.vector_norm(matches.destination_m - quarter.of_points(matches.source_m), dim=-1)
+    off = torch.linalg.vector_norm(matches.destination_m - transform(quarter, matches.source_m), dim=-1)
     assert float(off.median()) < PIXEL_M
 
 

@@ -15,12 +15,13 @@ from torch import Tensor
 from echoscape.learn.data.image import ImageSettings
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.motion_compensation import Part, ScanMotionModel
-from echoscape.learn.geometry.se2 import STILL, PlaneMotion
+from echoscape.learn.geometry.se2 import transform
 from echoscape.learn.model.keypoint_model import ModelSettings
 from echoscape.learn.model.local_matching import Near
 from echoscape.learn.odometry.keyframe_odometry import PAIRS_ALONE, KeyframeOdometry, OdometryConfig, Scan
 from echoscape.learn.odometry.scan_matcher import MatchTarget, PairEstimate, ScanFeatures, ScanMatcher
 from echoscape.learn.training.checkpoint import initial_model
+from echoscape.sim.datasets.se2 import IDENTITY, SE2
 
 GAP_S = 0.25
 MODEL = initial_model(ModelSettings(image=ImageSettings(size=80)), seed=0)
@@ -38,10 +39,10 @@ class Seeing(ScanMatcher):
     that show nothing; `looks` has the number of every scan that a picture was made of, and the pose.
     """
 
-    def __init__(self, poses: Sequence[PlaneMotion], *, lean: float = 0.0, blind: Sequence[int] = ()) -> None:
+    def __init__(self, poses: Sequence[SE2], *, lean: float = 0.0, blind: Sequence[int] = ()) -> None:
         super().__init__(MODEL)
         self.poses, self.lean, self.blind = poses, lean, blind
-        self.looks: list[tuple[int, PlaneMotion]] = []
+        self.looks: list[tuple[int, SE2]] = []
         self.within_m: list[float | None] = []
         self.offsets: set[float] = set()
         self.rollings: list[ScanMotionModel | None] = []
@@ -58,14 +59,14 @@ class Seeing(ScanMatcher):
         bin_m: float,
         *,
         range_offset_m: float = 0.0,
-        shown_at: PlaneMotion = STILL,
+        shown_at: SE2 = IDENTITY,
     ) -> ScanFeatures:
         number = int(codes[0, 0])
         self.looks.append((number, shown_at))
         self.offsets.add(range_offset_m)
         return ScanFeatures(seen=cast(Any, number), cells=codes, shown_at=shown_at)
 
-    def shown(self, scan: ScanFeatures, shown_at: PlaneMotion) -> ScanFeatures:
+    def shown(self, scan: ScanFeatures, shown_at: SE2) -> ScanFeatures:
         if shown_at == scan.shown_at:
             return scan
         return self.features(scan.cells, 1.0, shown_at=shown_at)
@@ -76,11 +77,11 @@ class Seeing(ScanMatcher):
     def matches(self, source: ScanFeatures, into: MatchTarget, *, within_m: float | None = None) -> Matches:
         self.within_m.append(within_m)
         first, second = cast(int, source.seen), cast(int, into.destination)
-        there = self.poses[first].inverse().of_points(spots())
-        here = self.poses[second].inverse().of_points(spots())
+        there = transform(self.poses[first].inverse(), spots())
+        here = transform(self.poses[second].inverse(), spots())
         # In pictures: the match is drawn from the true place to the one at which the source shows the spot.
-        true, shown = into.shown_at.of_points(here), source.shown_at.of_points(there)
-        drawn = into.shown_at.inverse().of_points(true + self.lean * (shown - true))
+        true, shown = transform(into.shown_at, here), transform(source.shown_at, there)
+        drawn = transform(into.shown_at.inverse(), true + self.lean * (shown - true))
         weights = torch.full(there.shape[:2], 0.0 if first in self.blind else 1.0)
         return Matches(source_m=there, destination_m=drawn, weights=weights)
 
@@ -95,18 +96,18 @@ def scan(number: int, *, middle_s: float | None = None) -> Scan:
     )
 
 
-def way(motions: Sequence[PlaneMotion]) -> list[PlaneMotion]:
-    poses = [STILL]
+def way(motions: Sequence[SE2]) -> list[SE2]:
+    poses = [IDENTITY]
     for motion in motions:
-        poses.append(poses[-1].then(motion))
+        poses.append(poses[-1] @ motion)
     return poses
 
 
-def drive(count: int = 60) -> list[PlaneMotion]:
+def drive(count: int = 60) -> list[SE2]:
     """Poses of a drive that gathers speed, bends to the right, and slows down."""
     return way(
         [
-            PlaneMotion(
+            SE2(
                 x_m=2 * math.sin(math.pi * k / count) ** 2,
                 y_m=0.0,
                 yaw_rad=0.08 * math.sin(math.pi * k / count) ** 2,
@@ -116,13 +117,13 @@ def drive(count: int = 60) -> list[PlaneMotion]:
     )
 
 
-def followed(seeing: Seeing, settings: OdometryConfig | None = None) -> list[PlaneMotion]:
+def followed(seeing: Seeing, settings: OdometryConfig | None = None) -> list[SE2]:
     """Return the poses (N + 1) that the motions add up to."""
     follower = KeyframeOdometry(seeing, settings)
-    track, found = follower.start(scan(0)), [STILL]
+    track, found = follower.start(scan(0)), [IDENTITY]
     for number in range(1, len(seeing.poses)):
         estimate, track = follower.follow(track, scan(number))
-        found.append(found[-1].then(estimate.motion))
+        found.append(found[-1] @ estimate.motion)
     return found
 
 
@@ -134,8 +135,8 @@ class End:
     radians: float
 
 
-def end(found: list[PlaneMotion], true: list[PlaneMotion]) -> End:
-    off = true[-1].inverse().then(found[-1])
+def end(found: list[SE2], true: list[SE2]) -> End:
+    off = true[-1].inverse() @ found[-1]
     return End(off.length_m, abs(off.yaw_rad))
 
 
@@ -151,7 +152,7 @@ def test_a_lean_towards_where_things_have_been_shortens_pairs_but_hardly_what_is
     poses = drive()
     alone = end(followed(Seeing(poses, lean=0.1), PAIRS_ALONE), poses)
     kept = end(followed(Seeing(poses, lean=0.1)), poses)
-    steps = [pose.inverse().then(after) for pose, after in pairwise(poses)]
+    steps = [pose.inverse() @ after for pose, after in pairwise(poses)]
     turned = sum(abs(step.yaw_rad) for step in steps)
     assert alone.radians == pytest.approx(0.1 * turned, rel=0.1)  # a tenth of every turn is lost
     assert kept.radians < alone.radians / 10
@@ -160,7 +161,7 @@ def test_a_lean_towards_where_things_have_been_shortens_pairs_but_hardly_what_is
 
 
 def test_a_scan_is_shown_where_a_steady_car_would_have_brought_it() -> None:
-    steady = PlaneMotion(x_m=1.5, y_m=0.1, yaw_rad=0.01)
+    steady = SE2(x_m=1.5, y_m=0.1, yaw_rad=0.01)
     seeing = Seeing(way([steady] * 5))
     followed(seeing)
     shown = dict(seeing.looks)
@@ -171,7 +172,7 @@ def test_a_scan_is_shown_where_a_steady_car_would_have_brought_it() -> None:
 
 
 def test_a_longer_gap_leads_farther() -> None:
-    seeing = Seeing(way([PlaneMotion(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 3))
+    seeing = Seeing(way([SE2(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 3))
     follower = KeyframeOdometry(seeing)
     _, track = follower.follow(follower.start(scan(0)), scan(1))
     follower.follow(track, scan(3, middle_s=3 * GAP_S))
@@ -181,46 +182,44 @@ def test_a_longer_gap_leads_farther() -> None:
 
 
 def test_a_surprise_is_looked_at_again_where_it_was_found() -> None:
-    seeing = Seeing(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2), lean=0.2)
+    seeing = Seeing(way([SE2(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2), lean=0.2)
     follower = KeyframeOdometry(seeing)
     first, _ = follower.follow(follower.start(scan(0)), scan(1))
     assert [number for number, _ in seeing.looks] == [0, 1, 1]
-    assert seeing.looks[1][1] == STILL
+    assert seeing.looks[1][1] == IDENTITY
     assert seeing.looks[2][1].x_m == pytest.approx(1.6, abs=1e-3)  # a fifth too short, and of the rest again
     assert first.motion.x_m == pytest.approx(1.92, abs=1e-3)
 
 
 def test_keyframes_come_where_the_last_is_out_of_reach() -> None:
-    seeing = Seeing(way([PlaneMotion(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 9))
+    seeing = Seeing(way([SE2(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 9))
     followed(seeing, OdometryConfig(keyframe_m=3.5, surprise_m=math.inf))
     # Scans 0 to 4 are shown in the frame of 0; 4, out of reach, upright again before 5; 8 before 9.
     assert [number for number, _ in seeing.looks] == [0, 1, 2, 3, 4, 4, 5, 6, 7, 8, 8, 9]
-    upright = [number for number, at in seeing.looks if at == STILL]
+    upright = [number for number, at in seeing.looks if at == IDENTITY]
     assert upright == [0, 1, 4, 8]
-    turning = Seeing(way([PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=0.1)] * 4))
+    turning = Seeing(way([SE2(x_m=0.0, y_m=0.0, yaw_rad=0.1)] * 4))
     followed(turning, OdometryConfig(keyframe_rad=0.15, surprise_rad=math.inf))
     assert [number for number, _ in turning.looks] == [0, 1, 2, 2, 3, 4]
 
 
-@pytest.mark.parametrize(
-    "motion", [PlaneMotion(x_m=30.0, y_m=0.0, yaw_rad=0.0), PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=0.6)]
-)
-def test_a_motion_that_no_car_keeps_up_is_not_expected_again(motion: PlaneMotion) -> None:
-    seeing = Seeing(way([motion, STILL]))
+@pytest.mark.parametrize("motion", [SE2(x_m=30.0, y_m=0.0, yaw_rad=0.0), SE2(x_m=0.0, y_m=0.0, yaw_rad=0.6)])
+def test_a_motion_that_no_car_keeps_up_is_not_expected_again(motion: SE2) -> None:
+    seeing = Seeing(way([motion, IDENTITY]))
     followed(seeing)
-    assert seeing.looks[-1][1] == STILL
+    assert seeing.looks[-1][1] == IDENTITY
     assert seeing.within_m[-1] is None
 
 
 def test_a_turn_is_a_surprise_too() -> None:
-    seeing = Seeing(way([PlaneMotion(x_m=0.0, y_m=0.0, yaw_rad=0.1)]))
+    seeing = Seeing(way([SE2(x_m=0.0, y_m=0.0, yaw_rad=0.1)]))
     followed(seeing)
     assert [number for number, _ in seeing.looks] == [0, 1, 1]
 
 
 def test_the_first_keyframe_has_the_velocity_of_the_first_motion() -> None:
     """From a stand: later scans are faster, but the keyframe was seen at a stand."""
-    seeing = Seeing(way([PlaneMotion(x_m=0.2 * k, y_m=0.0, yaw_rad=0.0) for k in range(8)]))
+    seeing = Seeing(way([SE2(x_m=0.2 * k, y_m=0.0, yaw_rad=0.0) for k in range(8)]))
     followed(seeing, OdometryConfig(surprise_m=math.inf))
     assert seeing.parts[-1][0].twist is not None
     assert_allclose(seeing.parts[-1][0].twist.velocity_mps, [[0, 0]], atol=1e-3)
@@ -241,7 +240,7 @@ def test_a_second_look_counts_only_if_it_says_something(says: float) -> None:
             precision = says * torch.eye(2).expand(*off.shape, 2)
             return replace(found, destination_m=off, precision=precision)
 
-    seeing = Vague(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)]))
+    seeing = Vague(way([SE2(x_m=2.0, y_m=0.0, yaw_rad=0.0)]))
     follower = KeyframeOdometry(seeing)
     found, _ = follower.follow(follower.start(scan(0)), scan(1))
     assert len(seeing.looks) == 3
@@ -262,7 +261,7 @@ def test_a_second_look_that_finds_something_else_is_not_taken() -> None:
                 found.destination_m[:, 1::2, 0] -= 1
             return found
 
-    found = followed(Dim(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)])))
+    found = followed(Dim(way([SE2(x_m=2.0, y_m=0.0, yaw_rad=0.0)])))
     assert found[-1].x_m == pytest.approx(2.0, abs=1e-3)
 
 
@@ -276,7 +275,7 @@ def test_every_scan_comes_with_its_offset_and_pairs_with_their_times() -> None:
 
 
 def test_a_keyframe_keeps_the_velocity_that_it_was_seen_at() -> None:
-    motion = PlaneMotion(x_m=1.0, y_m=0.0, yaw_rad=0.0)
+    motion = SE2(x_m=1.0, y_m=0.0, yaw_rad=0.0)
     seeing = Seeing(way([motion] * 6))
     followed(seeing, OdometryConfig(keyframe_m=2.5, surprise_m=math.inf))
     first, *_, last = (parts for parts in seeing.parts if len(parts) == 2)
@@ -299,7 +298,7 @@ def test_matches_with_the_keyframe_count_by_their_weight() -> None:
                 found.destination_m[..., 1] += 0.02
             return found
 
-    straight = way([PlaneMotion(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 12)
+    straight = way([SE2(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 12)
     off = []
     for weight in (1.0, 3.0, 10.0):
         seeing = Leaning(straight)
@@ -311,10 +310,10 @@ def test_matches_with_the_keyframe_count_by_their_weight() -> None:
 
 def test_matches_are_looked_for_nearby_once_there_is_an_expectation() -> None:
     # The first pair is looked at twice, for it comes as a surprise; then there is an expectation.
-    seeing = Seeing(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2))
+    seeing = Seeing(way([SE2(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2))
     followed(seeing, OdometryConfig(within_m=1.25))
     assert seeing.within_m == [None, 1.25, 1.25, 1.25]
-    alone = Seeing(way([PlaneMotion(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2))
+    alone = Seeing(way([SE2(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2))
     followed(alone, PAIRS_ALONE)
     assert alone.within_m == [None, None]
 
@@ -337,8 +336,8 @@ def test_matches_are_those_with_the_scan_before() -> None:
     for number in range(1, 29):
         _, track = follower.follow(track, scan(number))
     found, _ = follower.follow(track, scan(29))
-    assert_allclose(found.destination_m, poses[28].inverse().of_points(spots())[0], atol=1e-4)
-    assert_allclose(found.source_m, poses[29].inverse().of_points(spots())[0], atol=1e-4)
+    assert_allclose(found.destination_m, transform(poses[28].inverse(), spots())[0], atol=1e-4)
+    assert_allclose(found.source_m, transform(poses[29].inverse(), spots())[0], atol=1e-4)
 
 
 def test_a_scan_without_matches_leaves_the_motion_open() -> None:

@@ -1,17 +1,15 @@
 """Scans, time stamps and odometry in the Oxford layout: byte by byte, there and back, and damage."""
 
-import math
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.layouts.layout import ScanRecord
 from echoscape.sim.datasets.layouts.oxford import (
     ODOMETRY_HEADER,
     OdometryRow,
@@ -19,7 +17,6 @@ from echoscape.sim.datasets.layouts.oxford import (
     read_odometry,
     read_png,
     read_timestamps,
-    relative_pose,
     write_odometry,
     write_png,
     write_timestamps,
@@ -109,42 +106,6 @@ def test_senseless_time_stamps_are_refused_by_name_and_line(tmp_path: Path, line
         read_timestamps(path)
 
 
-def _moved(pose: np.ndarray, *by: float) -> np.ndarray:
-    return pose + np.array(by)
-
-
-def test_driving_straight_on_moves_along_positive_x() -> None:
-    assert_allclose(relative_pose(EASTWARD, _moved(EASTWARD, 1, 0, 0, 0)), (1, 0, 0, 0), atol=1e-12)
-
-
-def test_driving_straight_on_northward_moves_along_positive_x() -> None:
-    north = np.array([3.0, -4.0, 0.0, math.pi / 2])
-    assert_allclose(relative_pose(north, _moved(north, 0, 2, 0, 0)), (2, 0, 0, 0), atol=1e-12)
-
-
-def test_what_is_right_has_positive_y_and_turning_right_positive_yaw() -> None:
-    # Heading east, right is south; a right turn makes the counter-clockwise world yaw smaller.
-    x, y, z, yaw = relative_pose(EASTWARD, _moved(EASTWARD, 1, -0.5, 0, -0.1))
-    assert_allclose((x, y, z, yaw), (1, 0.5, 0, 0.1), atol=1e-12)
-
-
-def test_climbing_has_negative_z() -> None:
-    assert relative_pose(EASTWARD, _moved(EASTWARD, 0, 0, 0.3, 0))[2] == pytest.approx(-0.3)
-
-
-@given(*[st.floats(-30, 30) for _ in range(6)])
-def test_relative_poses_chain(x1: float, y1: float, a1: float, x2: float, y2: float, a2: float) -> None:
-    first, second, third = EASTWARD, np.array([x1, y1, 0.0, a1]), np.array([x2, y2, 0.0, a2])
-    chained = _matrix(relative_pose(first, second)) @ _matrix(relative_pose(second, third))
-    assert_allclose(chained, _matrix(relative_pose(first, third)), atol=1e-9)
-
-
-def _matrix(pose: tuple[float, float, float, float]) -> np.ndarray:
-    """The planar pose as T_earlier_later in axes x forward, y right, angles from x to y."""
-    x, y, _, yaw = pose
-    return np.array([[math.cos(yaw), -math.sin(yaw), x], [math.sin(yaw), math.cos(yaw), y], [0, 0, 1]])
-
-
 def test_odometry_has_the_header_and_the_later_frame_first(tmp_path: Path) -> None:
     path = tmp_path / "radar_odometry.csv"
     write_odometry(path, [ROW])
@@ -214,3 +175,25 @@ def test_poses_chain_from_the_first_pair_that_has_a_row(tmp_path: Path) -> None:
     nothing = Oxford().read_poses(tmp_path, stems, CTS350X)
     assert nothing is not None
     assert np.isnan(nothing).all()
+
+
+def test_a_climb_is_a_negative_z_in_the_file_and_a_positive_one_when_read_again(tmp_path: Path) -> None:
+    stems = [str(START_US + 250_000 * k) for k in range(3)]
+    world = np.array([[0.0, 0, 0, 0], [2.0, -0.5, 0.3, -0.1], [4.0, -1.5, 0.5, -0.2]])
+    records = [
+        ScanRecord(
+            stem=stem,
+            middle_us=int(stem) + 125_000,
+            pose=np.tile(pose, (400, 1)),
+            middle_pose=pose,
+        )
+        for stem, pose in zip(stems, world, strict=True)
+    ]
+    (tmp_path / "gt").mkdir()
+    Oxford().write_motion(tmp_path, records, CTS350X)
+    first, _ = read_odometry(tmp_path / "gt" / "radar_odometry.csv")
+    # Right is south of a car that heads east, and a right turn makes the world's yaw smaller.
+    assert (first.x, first.y, first.z, first.yaw) == (2.0, 0.5, -0.3, 0.1)
+    poses = Oxford().read_poses(tmp_path, stems, CTS350X)
+    assert poses is not None
+    assert_allclose(poses, world, atol=2e-6)  # six decimals in the file
