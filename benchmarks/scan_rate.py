@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from benchmarks.machine import description
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
 
 
@@ -27,7 +27,7 @@ def rate(scans: int, workers: int, seed: int) -> float:
     with tempfile.TemporaryDirectory() as folder:
         write_dataset(
             Path(folder) / "data",
-            Recipe(seed=seed, scans=scans),
+            SimulationConfig(seed=seed, scans=scans),
             workers=workers,
             threads=max(1, (os.cpu_count() or 1) // workers),
             progress=clock,

@@ -60,7 +60,7 @@ def _first_sentence(box: str) -> str:
         lines.pop(0)
     ends = [number for number, line in enumerate(lines) if _RULE.fullmatch(line)]
     sentence = " ".join(_FRAME.sub("", line) for line in (lines[: ends[0]] if ends else lines))
-    sentence = re.sub(r"^Error parsing (?:recipe\.)?(\w+(?:\.\w+)*): (\w+ must )", r"\1.\2", sentence)
+    sentence = re.sub(r"^Error parsing (?:simulation\.)?(\w+(?:\.\w+)*): (\w+ must )", r"\1.\2", sentence)
     return sentence.removeprefix("Error parsing ")
 
 

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from echoscape.cli.arguments import parsed
 from echoscape.cli.progress import Stages
-from echoscape.cli.scene_options import ScanFlags, recipe_of
+from echoscape.cli.scene_options import ScanFlags, config_from_flags
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 
@@ -26,7 +26,7 @@ class Options:
 
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Folder to write: a picture an effect, and artefacts.md. Files of these names are replaced."""
-    recipe: Annotated[ScanFlags, tyro.conf.arg(name="")] = field(default_factory=ScanFlags)
+    simulation: Annotated[ScanFlags, tyro.conf.arg(name="")] = field(default_factory=ScanFlags)
     """The dataset that the scan is from: what `echoscape simulate` makes with the same words."""
     scan: int | None = None
     """Number of the scan, from 0; by default the middle one."""
@@ -56,16 +56,16 @@ def main(arguments: Sequence[str]) -> int:
 
 def _written(options: Options) -> tuple[list["Change"], tuple[Path, ...]]:
     """Refuse what cannot be drawn before the ray tracer is loaded, then draw."""
-    recipe = recipe_of(options.recipe, scene=options.scene, targets=options.targets)
-    index = recipe.scans // 2 if options.scan is None else options.scan
+    config = config_from_flags(options.simulation, scene=options.scene, targets=options.targets)
+    index = config.scans // 2 if options.scan is None else options.scan
     from echoscape.eval.ablation.cases import chosen
     from echoscape.eval.ablation.figures import write_artefacts
     from echoscape.eval.ablation.run import check_index
 
-    check_index(recipe, index)
+    check_index(config, index)
     chosen(options.only)
     with Stages(Console(stderr=True)) as stages:
-        return write_artefacts(options.out, recipe, index, names=options.only, progress=stages.report)
+        return write_artefacts(options.out, config, index, names=options.only, progress=stages.report)
 
 
 def _table(rows: Sequence["Change"]) -> Table:

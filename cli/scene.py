@@ -12,10 +12,10 @@ from rich.table import Table
 
 from echoscape.cli.arguments import parsed
 from echoscape.cli.progress import Stages
-from echoscape.cli.scene_options import Preset, RecipeFlags, recipe_of
+from echoscape.cli.scene_options import ConfigFlags, Preset, config_from_flags
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.sim.datasets.files.atomic_write import DatasetError
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from echoscape.eval.scene_report.statistics import Inventory
@@ -45,13 +45,13 @@ def main(arguments: Sequence[str]) -> int:
 
     try:
         options = parsed(Options, prog="echoscape scene", arguments=arguments)
-        recipe = _recipe(options)
+        config = _config(options)
         check_empty(options.out)
     except ValueError as error:
         return _refused(str(error))
     try:
         with Stages(Console(stderr=True)) as stages:
-            numbers = write_scene(options.out, recipe, progress=stages.report)
+            numbers = write_scene(options.out, config, progress=stages.report)
     except (DatasetError, SceneError) as error:
         return _refused(str(error))
     except OSError as error:
@@ -62,9 +62,9 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _recipe(options: Options) -> Recipe:
-    flags = RecipeFlags(preset=options.preset, seed=options.seed, scans=options.scans)
-    return recipe_of(flags, scene=options.scene, targets=options.targets)
+def _config(options: Options) -> SimulationConfig:
+    flags = ConfigFlags(preset=options.preset, seed=options.seed, scans=options.scans)
+    return config_from_flags(flags, scene=options.scene, targets=options.targets)
 
 
 def _refused(message: str) -> int:

@@ -1,6 +1,6 @@
-"""The world that a command is told of: flags of a recipe, a scene of one's own, test targets.
+"""The world that a command is told of: flags of a configuration, a scene of one's own, test targets.
 
-Scenes and targets come as TOML files, whose contents go into the recipe.
+Scenes and targets come as TOML files, whose contents go into the config.
 """
 
 from dataclasses import dataclass, fields
@@ -12,7 +12,7 @@ import tyro
 from echoscape.scenes.io.target_toml import AnyTarget, read_targets
 from echoscape.scenes.io.user_scene import UserScene, read_user_scene
 from echoscape.sim.datasets.layouts.registry import LAYOUTS, LayoutName, layout_named
-from echoscape.sim.generation.config import DEFAULT_PRESET, Recipe
+from echoscape.sim.generation.config import DEFAULT_PRESET, SimulationConfig
 
 Preset = Annotated[str, tyro.conf.arg(help_behavior_hint=f"(default: {DEFAULT_PRESET})")]
 """A preset as a flag, empty where nothing is said."""
@@ -35,8 +35,8 @@ _LAYOUT = tyro.constructors.PrimitiveConstructorSpec[LayoutName | None](
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecipeFlags(Recipe):
-    """A recipe as flags; what comes from files is no flag."""
+class ConfigFlags(SimulationConfig):
+    """A configuration as flags; what comes from files is no flag."""
 
     preset: Preset = ""
     """Kind of world: town, suburb, industrial, motorway, open or empty."""
@@ -52,12 +52,12 @@ class RecipeFlags(Recipe):
     """Set by --randomize."""
 
     def __post_init__(self) -> None:
-        """Leave the checks to the recipe that is made of the flags and the files."""
+        """Leave the checks to the configuration that is made of the flags and the files."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScanFlags(RecipeFlags):
-    """A recipe of which one scan is made and no folder is written."""
+class ScanFlags(ConfigFlags):
+    """A configuration of which one scan is made and no folder is written."""
 
     scans: int = 40
     """Length of the drive in scans, four a second: which places it passes depends on it."""
@@ -67,14 +67,16 @@ class ScanFlags(RecipeFlags):
     """Is for folders."""
 
 
-def recipe_of(flags: Recipe, *, scene: Path | None, targets: Path | None) -> Recipe:
-    """Return the recipe that flags and files make.
+def config_from_flags(
+    flags: SimulationConfig, *, scene: Path | None, targets: Path | None
+) -> SimulationConfig:
+    """Return the configuration that flags and files make.
 
     Raises:
         ValueError: the settings make no dataset.
         SceneError: a file cannot be read, or describes no scene or no targets.
     """
-    settings: dict[str, Any] = {each.name: getattr(flags, each.name) for each in fields(Recipe)}
+    settings: dict[str, Any] = {each.name: getattr(flags, each.name) for each in fields(SimulationConfig)}
     settings["scene"] = None if scene is None else read_user_scene(scene)
     settings["targets"] = () if targets is None else read_targets(targets)
-    return Recipe(**settings)
+    return SimulationConfig(**settings)

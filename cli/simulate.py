@@ -1,4 +1,4 @@
-"""`echoscape simulate OUT`: parse a recipe, make its dataset with a progress bar, draw a preview, sum up."""
+"""`echoscape simulate OUT`: parse a configuration, make its dataset with a progress bar, draw a preview, sum up."""
 
 import sys
 import time
@@ -14,8 +14,8 @@ from rich.table import Table
 
 from echoscape.cli.arguments import ArgumentsError, parsed, said
 from echoscape.cli.progress import Stages
-from echoscape.cli.scene_options import RecipeFlags, recipe_of
-from echoscape.sim.generation.config import Recipe
+from echoscape.cli.scene_options import ConfigFlags, config_from_flags
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.domain_randomization import randomized
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.registry import sensor_from
@@ -27,7 +27,7 @@ class Options:
 
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Folder to write; it must be empty or new."""
-    recipe: Annotated[RecipeFlags, tyro.conf.arg(name="")] = field(default_factory=RecipeFlags)
+    simulation: Annotated[ConfigFlags, tyro.conf.arg(name="")] = field(default_factory=ConfigFlags)
     """What to make."""
     radar: str = CTS350X.name
     """The radar: cts350x (Oxford), cir204 (MulRan), cir304 (Boreas), cir304_rt (Boreas-RT), or a TOML file;
@@ -56,14 +56,14 @@ def main(arguments: Sequence[str]) -> int:
     try:
         default = _defaults(arguments)
         options = parsed(Options, prog="echoscape simulate", arguments=arguments, default=default)
-        recipe = recipe_of(options.recipe, scene=options.scene, targets=options.targets)
-        recipe = randomized(recipe) if options.randomize else recipe
+        config = config_from_flags(options.simulation, scene=options.scene, targets=options.targets)
+        config = randomized(config) if options.randomize else config
         _check(options)
     except (DatasetError, ValueError) as error:
         return _refused(str(error), 2)
     except OSError as error:
         return _refused(f"OUT: {error.strerror}", 2)
-    return _simulate(options, recipe)
+    return _simulate(options, config)
 
 
 def _defaults(arguments: Sequence[str]) -> Options:
@@ -77,7 +77,7 @@ def _defaults(arguments: Sequence[str]) -> Options:
         sensor = sensor_from(radar)
     except ValueError as error:
         raise ArgumentsError(f"--radar: {error}") from error
-    return Options(out=tyro.MISSING, recipe=RecipeFlags(sensor=sensor), radar=radar)
+    return Options(out=tyro.MISSING, simulation=ConfigFlags(sensor=sensor), radar=radar)
 
 
 def _check(options: Options) -> None:
@@ -87,8 +87,8 @@ def _check(options: Options) -> None:
     check_arguments(options.out, workers=options.workers, threads=options.threads, resume=options.resume)
 
 
-def _simulate(options: Options, recipe: Recipe) -> int:
-    """Make the dataset of `recipe` as `options` say and return the exit code."""
+def _simulate(options: Options, config: SimulationConfig) -> int:
+    """Make the dataset of `config` as `options` say and return the exit code."""
     from echoscape.scenes.io.strict_toml import SceneError
     from echoscape.sim.datasets.files.atomic_write import DatasetError
     from echoscape.sim.generation.dataset import write_dataset
@@ -102,7 +102,7 @@ def _simulate(options: Options, recipe: Recipe) -> int:
         with Stages(console) as stages:
             write_dataset(
                 options.out,
-                recipe,
+                config,
                 workers=options.workers,
                 threads=options.threads,
                 resume=options.resume,
@@ -112,7 +112,7 @@ def _simulate(options: Options, recipe: Recipe) -> int:
                 stages.report("preview", 0, 1)
                 _draw(options.out)
                 stages.report("preview", 1, 1)
-        summary = _summary(options, recipe, seconds=time.monotonic() - start)
+        summary = _summary(options, config, seconds=time.monotonic() - start)
     except KeyboardInterrupt:
         hint = (
             "add --resume to go on"
@@ -142,7 +142,7 @@ def _refused(message: str, code: int) -> int:
     return code
 
 
-def _summary(options: Options, recipe: Recipe, *, seconds: float) -> Table:
+def _summary(options: Options, config: SimulationConfig, *, seconds: float) -> Table:
     """Return what was made as a small table."""
     from echoscape.sim.datasets.scan_folder import open_folder
 
@@ -155,9 +155,9 @@ def _summary(options: Options, recipe: Recipe, *, seconds: float) -> Table:
     table.add_column(overflow="fold")
     for name, value in (
         ("folder", str(out)),
-        ("world", f"{recipe.preset if recipe.scene is None else recipe.scene.file}, seed {recipe.seed}"),
-        ("scans", f"{recipe.scans} of {recipe.sensor.azimuths} x {recipe.sensor.bins} cells, with truth"),
-        ("radar", f"{recipe.sensor.name}, in the layout of {recipe.folder_layout.name}"),
+        ("world", f"{config.preset if config.scene is None else config.scene.file}, seed {config.seed}"),
+        ("scans", f"{config.scans} of {config.sensor.azimuths} x {config.sensor.bins} cells, with truth"),
+        ("radar", f"{config.sensor.name}, in the layout of {config.folder_layout.name}"),
         ("driven", f"{driven_m:.1f} m"),
         ("size", f"{size / 1e6:.0f} MB"),
         ("took", f"{seconds:.1f} s"),

@@ -12,7 +12,7 @@ from echoscape.scenes.core.materials import MATERIAL_NAMES
 from echoscape.scenes.core.targets import KINDS
 from echoscape.scenes.io.target_toml import read_targets
 from echoscape.scenes.io.user_scene import CLASS_NAMES, read_user_scene
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.setup import build_scene
 from tests.paths import ROOT
 
@@ -24,7 +24,7 @@ SCENE, TARGETS = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
 def test_the_scene_of_the_page_can_be_driven_through(tmp_path: Path, rest: str) -> None:
     shutil.copy(ROOT / "examples" / "yard.obj", tmp_path)
     (tmp_path / "page.toml").write_text(SCENE + rest)
-    stage = build_scene(Recipe(scene=read_user_scene(tmp_path / "page.toml"), scans=20))
+    stage = build_scene(SimulationConfig(scene=read_user_scene(tmp_path / "page.toml"), scans=20))
     assert len(stage.town.targets) == rest.count("[[target]]")
 
 
@@ -36,7 +36,7 @@ def test_the_targets_of_the_page_can_be_read(tmp_path: Path) -> None:
 def test_the_examples_can_be_used_together() -> None:
     scene = read_user_scene(ROOT / "examples" / "yard.toml")
     targets = read_targets(ROOT / "examples" / "targets.toml")
-    assert len(build_scene(Recipe(scene=scene, scans=20, targets=targets)).town.targets) == 4
+    assert len(build_scene(SimulationConfig(scene=scene, scans=20, targets=targets)).town.targets) == 4
 
 
 def test_the_tables_list_every_kind_material_and_class() -> None:

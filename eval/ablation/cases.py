@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 OWN = -1.0
-"""Stands for the strength that the recipe gives an effect, or the default one where it gives none."""
+"""Stands for the strength that the config gives an effect, or the default one where it gives none."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,7 +31,7 @@ from echoscape.eval.figures.preview import ACCENT, FAINT, INK
 from echoscape.eval.figures.style import HEAT, PAGE
 from echoscape.sim.datasets.files.atomic_write import check_out, write_whole
 from echoscape.sim.datasets.polar_scan import PolarScan
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 
 BRIGHTEST_DB, MOST_CHANGE_DB = 50.0, 20.0
 """Ends of the two scales [dB]."""
@@ -44,7 +44,7 @@ _PANELS = 3
 
 def write_artefacts(
     out: Path,
-    recipe: Recipe,
+    config: SimulationConfig,
     index: int,
     *,
     names: Sequence[str] = (),
@@ -61,7 +61,7 @@ def write_artefacts(
     """
     check_out(out)
     report = progress or (lambda stage, done, total: None)
-    every = shown_effects(recipe, index, names=names, progress=progress)
+    every = shown_effects(config, index, names=names, progress=progress)
     rows = [row for shown in every for row in changes(shown)]
     files = {}
     for done, shown in enumerate(every):

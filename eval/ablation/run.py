@@ -12,7 +12,7 @@ from echoscape.eval.ablation.cases import OWN, Effect, chosen
 from echoscape.scenes.driving.ego_drive import EgoDrive
 from echoscape.scenes.traffic.plan import plan_traffic
 from echoscape.sim.datasets.polar_scan import PolarScan
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.setup import build_scene
 from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.sim.simulator import Simulator
@@ -62,21 +62,21 @@ class Change:
 
 
 def shown_effects(
-    recipe: Recipe, index: int, *, names: Sequence[str] = (), progress: Progress | None = None
+    config: SimulationConfig, index: int, *, names: Sequence[str] = (), progress: Progress | None = None
 ) -> tuple[Shown, ...]:
-    """Make scan `index` of `recipe` without and with each of the effects `names` (none: all).
+    """Make scan `index` of `config` without and with each of the effects `names` (none: all).
 
     Raises:
         ValueError: there is no such scan or effect.
         SceneError: see `sim.generation.setup.staged`.
     """
     effects = chosen(names)
-    check_index(recipe, index)
+    check_index(config, index)
     report = progress or (lambda stage, done, total: None)
-    simulator = _simulator(recipe, report)
-    strengths = [_strengths(effect, recipe) for effect in effects]
+    simulator = _simulator(config, report)
+    strengths = [_strengths(effect, config) for effect in effects]
     settings = [
-        replace(recipe.artefacts, **{effect.name: strength})
+        replace(config.artefacts, **{effect.name: strength})
         for effect, levels in zip(effects, strengths, strict=True)
         for strength in levels
     ]
@@ -89,10 +89,10 @@ def shown_effects(
     )
 
 
-def check_index(recipe: Recipe, index: int) -> None:
-    """Refuse a scan that the recipe does not have."""
-    if not 0 <= index < recipe.scans:
-        raise ValueError(f"scan must be between 0 and {recipe.scans - 1}, got {index}")
+def check_index(config: SimulationConfig, index: int) -> None:
+    """Refuse a scan that the config does not have."""
+    if not 0 <= index < config.scans:
+        raise ValueError(f"scan must be between 0 and {config.scans - 1}, got {index}")
 
 
 def changes(shown: Shown) -> list[Change]:
@@ -150,27 +150,27 @@ def words(row: Change) -> list[str]:
     ]
 
 
-def _strengths(effect: Effect, recipe: Recipe) -> tuple[float, ...]:
+def _strengths(effect: Effect, config: SimulationConfig) -> tuple[float, ...]:
     """Return 0 and the strengths at which an effect is shown, as numbers."""
-    own = getattr(recipe.artefacts.strengths(recipe.sensor), effect.name)
-    own = own or getattr(Artefacts().strengths(recipe.sensor), effect.name)
+    own = getattr(config.artefacts.strengths(config.sensor), effect.name)
+    own = own or getattr(Artefacts().strengths(config.sensor), effect.name)
     return (0.0, *(own if strength == OWN else strength for strength in effect.strengths))
 
 
-def _simulator(recipe: Recipe, report: Progress) -> Simulator:
+def _simulator(config: SimulationConfig, report: Progress) -> Simulator:
     report("town", 0, 1)
-    stage = build_scene(recipe)
+    stage = build_scene(config)
     movers = ()
     if isinstance(stage.drive, EgoDrive):
-        movers = plan_traffic(stage.town, stage.drive, seed=recipe.seed, settings=recipe.traffic)
+        movers = plan_traffic(stage.town, stage.drive, seed=config.seed, settings=config.traffic)
     report("town", 1, 1)
     return Simulator(
         stage.town,
         stage.drive,
         movers,
-        seed=recipe.seed,
-        sensor=recipe.sensor,
-        settings=recipe.trace,
-        artefacts=recipe.artefacts,
-        surfaces=recipe.surfaces,
+        seed=config.seed,
+        sensor=config.sensor,
+        settings=config.trace,
+        artefacts=config.artefacts,
+        surfaces=config.surfaces,
     )

@@ -1,7 +1,7 @@
-"""Test targets of a dataset in its plan: where they stand, a small cross each with its kind.
+"""Test targets of a data set on its plan: a cross with the kind of each.
 
-They are those of the recipe in echoscape.json; some are placed as seen from the drive's start
-(`scenes.io.target_toml`), which is the car's pose at the first row of the first scan.
+Targets are listed in the config of echoscape.json. Some are given relative to the start of the drive
+(`scenes.io.target_toml`), which is the pose of the car at the first azimuth of the first scan.
 """
 
 from dataclasses import dataclass
@@ -12,18 +12,24 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from echoscape.eval.figures.style import INK, PAGE, TARGET_COLOUR, font_family
 from echoscape.scenes.core.targets import Target
 from echoscape.scenes.io.target_toml import FromStart, placed_targets
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 
-TARGET_COLOUR = "#ff5fa2"
-_MOST_TOLD = 20
-"""Targets up to which each is told by its kind; more would hide the plan."""
+_MAX_LABELLED = 20
+"""Targets up to which each is labelled; more labels would hide the plan."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TargetMark:
-    """A target seen from above: its kind and its place x_m, y_m in the world."""
+    """A test target on a plan.
+
+    Attributes:
+        kind: Kind of the target, as in its file.
+        x_m: Position in the world [m].
+        y_m: Position in the world [m].
+    """
 
     kind: str
     x_m: float
@@ -31,44 +37,53 @@ class TargetMark:
 
 
 def target_marks(content: dict[str, Any], *, start: NDArray[np.float64]) -> tuple[TargetMark, ...]:
-    """Return the marks of a manifest's targets, those of its scene first.
+    """Return the test targets of a data set, those of its scene first.
 
-    content: of echoscape.json; start (4,): x, y, z [m] and yaw [rad] of the car as its drive begins.
+    Args:
+        content: Content of echoscape.json.
+        start: Pose (4,) of the car at the start of its drive: x, y, z [m], yaw [rad].
+
+    Returns:
+        A mark for each target.
 
     Raises:
-        DatasetError: an entry describes no target.
+        DatasetError: An entry describes no target.
     """
-    recipe = content["recipe"]
-    told = [*((recipe.get("scene") or {}).get("targets", ())), *recipe.get("targets", ())]
+    config = content["config"]
+    entries = [*((config.get("scene") or {}).get("targets", ())), *config.get("targets", ())]
     try:
         targets = [
-            FromStart(target=_target(each["target"])) if "target" in each else _target(each) for each in told
+            FromStart(target=_target(each["target"])) if "target" in each else _target(each)
+            for each in entries
         ]
     except (TypeError, ValueError) as error:
-        raise DatasetError(f"echoscape.json: an entry of targets describes none ({error})") from error
+        raise DatasetError(f"echoscape.json: an entry of targets describes no target ({error})") from error
     placed = placed_targets(targets, start=start)
     return tuple(
         TargetMark(kind=each.kind, x_m=each.position_m[0], y_m=each.position_m[1]) for each in placed
     )
 
 
-def _target(told: dict[str, Any]) -> Target:
-    """Return a target as JSON tells it: lists for tuples."""
-    settings: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in told.items()
-    }
-    return Target(**settings)
+def draw_target_marks(axes: Axes, marks: tuple[TargetMark, ...]) -> None:
+    """Draw a cross for each target and its kind beside it.
 
-
-def draw_target_marks(
-    axes: Axes, marks: tuple[TargetMark, ...], *, ink: str, glow: str, family: list[str]
-) -> None:
-    """Draw a small cross for each target and beside it its kind, in `ink` with an edge of `glow`."""
-    edge = [patheffects.withStroke(linewidth=2.6, foreground=glow)]
+    Args:
+        axes: Axes of a plan in metres of the world.
+        marks: The targets.
+    """
+    edge = [patheffects.withStroke(linewidth=2.6, foreground=PAGE)]
     for mark in marks:
         axes.plot(mark.x_m, mark.y_m, "x", ms=7, mew=2, color=TARGET_COLOUR, path_effects=edge, zorder=6)
-        if len(marks) <= _MOST_TOLD:
+        if len(marks) <= _MAX_LABELLED:
             axes.annotate(
                 mark.kind, (mark.x_m, mark.y_m), xytext=(7, 0), textcoords="offset points", va="center",
-                size=7.5, color=ink, family=family, path_effects=edge, zorder=6, annotation_clip=True,
+                size=7.5, color=INK, family=font_family(), path_effects=edge, zorder=6, annotation_clip=True,
             )  # fmt: skip
+
+
+def _target(entry: dict[str, Any]) -> Target:
+    """Return a target from its entry in JSON, where tuples are lists."""
+    settings: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()
+    }
+    return Target(**settings)

@@ -17,7 +17,7 @@ from echoscape.eval.scene_report.figure import Picture, scene_page
 from echoscape.eval.scene_report.statistics import Inventory, inventory
 from echoscape.scenes.io.gltf_export import town_to_glb
 from echoscape.sim.datasets.files.atomic_write import DatasetError, temporary_beside
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.setup import SceneSetup, build_scene
 
 Progress = Callable[[str, int, int], None]
@@ -26,10 +26,10 @@ Progress = Callable[[str, int, int], None]
 _WAY_STEP_S = 0.1
 
 
-def write_scene(out: Path, recipe: Recipe, *, progress: Progress | None = None) -> Inventory:
-    """Build the world of `recipe` and write it to `out`, which must be new or empty; return its numbers.
+def write_scene(out: Path, config: SimulationConfig, *, progress: Progress | None = None) -> Inventory:
+    """Build the world of `config` and write it to `out`, which must be new or empty; return its numbers.
 
-    A drive of one's own is shown whole, that of a preset as far as the recipe's scans go.
+    A drive of one's own is shown whole, that of a preset as far as the config's scans go.
 
     Raises:
         DatasetError: `out` is a file, is not empty, or cannot be made.
@@ -39,7 +39,7 @@ def write_scene(out: Path, recipe: Recipe, *, progress: Progress | None = None) 
     report = progress or (lambda stage, done, total: None)
     check_empty(out)
     report("world", 0, 1)
-    stage = build_scene(recipe, whole_drive=recipe.scene is not None)
+    stage = build_scene(config, whole_drive=config.scene is not None)
     numbers = inventory(stage.town)
     report("world", 1, 1)
     with _new_folder(out) as folder:
@@ -47,9 +47,9 @@ def write_scene(out: Path, recipe: Recipe, *, progress: Progress | None = None) 
         (folder / "scene.glb").write_bytes(town_to_glb(stage.town))
         report("glb", 1, 1)
         report("plan", 0, 1)
-        page = scene_page(_picture(folder / "scene.glb", recipe, stage, numbers))
+        page = scene_page(_picture(folder / "scene.glb", config, stage, numbers))
         (folder / "plan.png").write_bytes(page)
-        (folder / "scene.json").write_text(_json(recipe, stage, numbers))
+        (folder / "scene.json").write_text(_json(config, stage, numbers))
         report("plan", 1, 1)
     return numbers
 
@@ -65,33 +65,33 @@ def check_empty(out: Path) -> None:
         raise DatasetError(f"OUT cannot be made: {place} cannot be written to")
 
 
-def world_name(recipe: Recipe) -> str:
-    """Return what the world of a recipe is called: its mesh, or its preset and seed."""
-    return f"{recipe.preset}, seed {recipe.seed}" if recipe.scene is None else recipe.scene.file
+def world_name(config: SimulationConfig) -> str:
+    """Return what the world of a configuration is called: its mesh, or its preset and seed."""
+    return f"{config.preset}, seed {config.seed}" if config.scene is None else config.scene.file
 
 
-def _picture(scene_file: Path, recipe: Recipe, stage: SceneSetup, numbers: Inventory) -> Picture:
+def _picture(scene_file: Path, config: SimulationConfig, stage: SceneSetup, numbers: Inventory) -> Picture:
     return Picture(
         scene_file=scene_file,
-        title=f"{world_name(recipe)}  ·  north up, metres",
+        title=f"{world_name(config)}  ·  north up, metres",
         numbers=numbers,
-        way=stage.drive.trajectory.pose(_way_times(recipe, stage))[:, :2],
+        way=stage.drive.trajectory.pose(_way_times(config, stage))[:, :2],
         targets=stage.town.targets,
-        all_faces=recipe.scene is not None,
+        all_faces=config.scene is not None,
     )
 
 
-def _way_times(recipe: Recipe, stage: SceneSetup) -> np.ndarray:
+def _way_times(config: SimulationConfig, stage: SceneSetup) -> np.ndarray:
     """Return the times at which the way that is shown is sampled [s]."""
     until_s = stage.drive.duration_s
-    if recipe.scene is None:
-        until_s = min(until_s, recipe.scans * recipe.longest_turn_s)
+    if config.scene is None:
+        until_s = min(until_s, config.scans * config.longest_turn_s)
     return np.linspace(0.0, until_s, int(np.ceil(until_s / _WAY_STEP_S)) + 1)
 
 
-def _json(recipe: Recipe, stage: SceneSetup, numbers: Inventory) -> str:
+def _json(config: SimulationConfig, stage: SceneSetup, numbers: Inventory) -> str:
     content = {
-        "world": world_name(recipe),
+        "world": world_name(config),
         **asdict(numbers),
         "drive_s": round(stage.drive.duration_s, 3),
         "targets": [{"instance": placed.instance, **asdict(placed.target)} for placed in stage.town.targets],

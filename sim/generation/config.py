@@ -1,6 +1,6 @@
 """What a dataset is made from: a world, a seed, a number of scans, and every setting of what makes them.
 
-A recipe is checked when it is made, so that nothing senseless gets as far as a file or a ray.
+A configuration is checked when it is made, so that nothing senseless gets as far as a file or a ray.
 """
 
 import math
@@ -31,7 +31,7 @@ _POSITIVE = ("traffic.near_m", "traffic.step_s", "drive.knot_s", "drive.corner_m
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recipe:
+class SimulationConfig:
     """All that decides the bytes of a dataset."""
 
     preset: str = ""

@@ -1,7 +1,7 @@
-"""Writes a dataset folder from a recipe: town, traffic, scans with their truth, and how the car moved.
+"""Writes a dataset folder from a configuration: town, traffic, scans with their truth, and how the car moved.
 
 The layout is that of the Oxford Radar RobotCar data set with our truth beside it (docs/conventions.md).
-Its bytes depend on the recipe alone: not on workers, threads, or how often the run was stopped and resumed.
+Its bytes depend on the config alone: not on workers, threads, or how often the run was stopped and resumed.
 """
 
 import os
@@ -19,7 +19,7 @@ from echoscape.sim.datasets.files.metadata import FILE_NAME, manifest_text, read
 from echoscape.sim.datasets.files.track_csv import ends_as_table, movers_csv, tracks_csv
 from echoscape.sim.datasets.files.truth_npz import read_arrays
 from echoscape.sim.datasets.layouts.layout import ScanRecord
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.manifest import difference, manifest
 from echoscape.sim.generation.setup import build_scene
 from echoscape.sim.generation.workers import SceneSetup, make_scans, scan_folders, whole_scans
@@ -33,21 +33,21 @@ TABLES = ("movers.csv", "tracks.csv")
 
 def write_dataset(
     out: Path,
-    recipe: Recipe,
+    config: SimulationConfig,
     *,
     workers: int = 1,
     threads: int | None = None,
     resume: bool = False,
     progress: Progress | None = None,
 ) -> None:
-    """Make the dataset of `recipe` in the folder `out`.
+    """Make the dataset of `config` in the folder `out`.
 
     Workers are processes that trace scans side by side, `threads` each (None: the processors shared out).
     With `resume`, a run that was stopped is continued: only the scans that are missing are made.
 
     Raises:
         ValueError: workers or threads is below 1.
-        DatasetError: `out` is not empty, or holds another recipe's dataset.
+        DatasetError: `out` is not empty, or holds another config's dataset.
         SceneError: the mesh of a scene of one's own is broken, something stands in the drive's way, or the
             drive is shorter than the scans.
         OSError: `out` cannot be written to.
@@ -57,12 +57,12 @@ def write_dataset(
     check_arguments(out, workers=workers, threads=threads, resume=resume)
     made = _make_folder(out)
     try:
-        _claim(out, recipe)
-        missing = recipe.scans - len(whole_scans(out, recipe))
+        _claim(out, config)
+        missing = config.scans - len(whole_scans(out, config))
         whole = is_whole_glb(out / "scene.glb") and all(map(ends_as_table, (out / name for name in TABLES)))
-        scenery = _scenery(recipe, report) if missing or not whole else None
+        scenery = _scenery(config, report) if missing or not whole else None
         if scenery is not None:
-            _write_scenery(out, recipe, scenery, report)
+            _write_scenery(out, config, scenery, report)
     except BaseException:
         if not resume:
             _unmake(out, made)
@@ -70,13 +70,13 @@ def write_dataset(
     if scenery is not None and missing:
         make_scans(
             out,
-            recipe,
+            config,
             scenery,
             workers=min(workers, missing),
             threads=threads,
-            report=lambda done: report("scans", done, recipe.scans),
+            report=lambda done: report("scans", done, config.scans),
         )
-    _write_motion(out, recipe)
+    _write_motion(out, config)
 
 
 def check_arguments(out: Path, *, workers: int, threads: int | None, resume: bool) -> None:
@@ -115,37 +115,37 @@ def _unmake(out: Path, made: list[Path]) -> None:
             return
 
 
-def _claim(out: Path, recipe: Recipe) -> None:
-    """Write the recipe into the folder, or see that it holds the same one; make its folders, tidy it."""
-    content = manifest(recipe)
+def _claim(out: Path, config: SimulationConfig) -> None:
+    """Write the config into the folder, or see that it holds the same one; make its folders, tidy it."""
+    content = manifest(config)
     if (out / FILE_NAME).exists():
         differing = difference(read_manifest(out), content)
         if differing is not None:
             raise DatasetError(f"OUT holds another dataset, which --resume cannot continue: {differing}")
     remove_temporaries(out)
-    for name in (*scan_folders(recipe), *recipe.folder_layout.other_folders):
+    for name in (*scan_folders(config), *config.folder_layout.other_folders):
         (out / name).mkdir(parents=True, exist_ok=True)
     write_whole(out / FILE_NAME, manifest_text(content).encode())
 
 
-def _scenery(recipe: Recipe, report: Progress) -> SceneSetup:
+def _scenery(config: SimulationConfig, report: Progress) -> SceneSetup:
     """Build the world and its drive, and plan the traffic where there are roads for it."""
     report("town", 0, 1)
-    stage = build_scene(recipe)
+    stage = build_scene(config)
     report("town", 1, 1)
     report("traffic", 0, 1)
     movers = ()
     if isinstance(stage.drive, EgoDrive):
-        movers = plan_traffic(stage.town, stage.drive, seed=recipe.seed, settings=recipe.traffic)
+        movers = plan_traffic(stage.town, stage.drive, seed=config.seed, settings=config.traffic)
     report("traffic", 1, 1)
     return SceneSetup(town=stage.town, drive=stage.drive, movers=movers)
 
 
-def _write_scenery(out: Path, recipe: Recipe, scenery: SceneSetup, report: Progress) -> None:
+def _write_scenery(out: Path, config: SimulationConfig, scenery: SceneSetup, report: Progress) -> None:
     """Write the movers' tracks, and the town for viewers unless a stopped run has."""
     report("scene", 0, 1)
-    driven_s = min(recipe.duration_s, scenery.drive.duration_s)
-    times = np.arange(0.0, driven_s, 1 / recipe.sensor.rotation_hz)
+    driven_s = min(config.duration_s, scenery.drive.duration_s)
+    times = np.arange(0.0, driven_s, 1 / config.sensor.rotation_hz)
     if not is_whole_glb(out / "scene.glb"):
         write_whole(out / "scene.glb", town_to_glb(scenery.town))
     write_whole(out / "movers.csv", movers_csv(scenery.movers).encode())
@@ -154,14 +154,14 @@ def _write_scenery(out: Path, recipe: Recipe, scenery: SceneSetup, report: Progr
     report("scene", 1, 1)
 
 
-def _write_motion(out: Path, recipe: Recipe) -> None:
+def _write_motion(out: Path, config: SimulationConfig) -> None:
     """Write the files that list scans, from the scans themselves."""
-    layout = recipe.folder_layout
+    layout = config.folder_layout
     stems = layout.stems(out)
-    if len(stems) != recipe.scans:
+    if len(stems) != config.scans:
         place = out / layout.scans_folders[0]
-        raise DatasetError(f"{place}: {len(stems)} scans where {recipe.scans} should be")
-    layout.write_motion(out, [_record(out, stem) for stem in stems], recipe.sensor)
+        raise DatasetError(f"{place}: {len(stems)} scans where {config.scans} should be")
+    layout.write_motion(out, [_record(out, stem) for stem in stems], config.sensor)
 
 
 def _record(out: Path, stem: str) -> ScanRecord:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.sensor.sensor import Sensor, Table
 from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.sim.settings.surfaces import MOST_FACTOR, SurfaceSettings
@@ -49,21 +49,21 @@ BLOCKED_CHANCE, BLOCKED_WIDTH_DEG, BLOCKED_LOSS_DB = 0.4, (4.0, 40.0), (3.0, 40.
 """How often something stands on the vehicle's roof, how wide and how opaque it is."""
 
 
-def randomized(recipe: Recipe) -> Recipe:
-    """Return the recipe with sensor, artefacts and surfaces drawn about its own, as its seed decides.
+def randomized(config: SimulationConfig) -> SimulationConfig:
+    """Return the config with sensor, artefacts and surfaces drawn about its own, as its seed decides.
 
     Raises:
-        ValueError: the recipe was varied before, or what is drawn lies beyond what a setting may be.
+        ValueError: the config was varied before, or what is drawn lies beyond what a setting may be.
     """
-    if recipe.randomized:
-        raise ValueError("randomized must be False: the recipe was randomized before")
-    rng = np.random.default_rng(np.random.SeedSequence([recipe.seed, STAGE]))
+    if config.randomized:
+        raise ValueError("randomized must be False: the config was randomized before")
+    rng = np.random.default_rng(np.random.SeedSequence([config.seed, STAGE]))
     try:
         return replace(
-            recipe,
-            sensor=_sensor(recipe.sensor, rng),
-            artefacts=_artefacts(recipe.artefacts, rng),
-            surfaces=_surfaces(recipe.surfaces, rng),
+            config,
+            sensor=_sensor(config.sensor, rng),
+            artefacts=_artefacts(config.artefacts, rng),
+            surfaces=_surfaces(config.surfaces, rng),
             randomized=True,
         )
     except ValueError as error:

@@ -13,19 +13,19 @@ from typing import Any
 from echoscape.scenes.core.materials import MATERIALS
 from echoscape.scenes.core.scene import CLASSES
 from echoscape.sim.datasets.files.metadata import FORMAT, manifest_text
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.raytracing.backend import choose_llvm, selected_backend
 
 _PACKAGES = ("echoscape", "numpy", "scipy", "shapely", "trimesh", "pillow", "mitsuba", "drjit")
 
 
-def manifest(recipe: Recipe) -> dict[str, Any]:
-    """Return what echoscape.json says of a dataset that this installation makes of `recipe`."""
+def manifest(config: SimulationConfig) -> dict[str, Any]:
+    """Return what echoscape.json says of a dataset that this installation makes of `config`."""
     from echoscape.sim.datasets.polar_scan import Component
 
     content = {
         "format": FORMAT,
-        "recipe": _told(recipe),
+        "config": _told(config),
         "versions": _versions(),
         "classes": list(CLASSES),
         "components": [component.name.lower() for component in Component],
@@ -34,10 +34,10 @@ def manifest(recipe: Recipe) -> dict[str, Any]:
     return json.loads(manifest_text(content))  # as it will be read: lists for tuples
 
 
-def _told(recipe: Recipe) -> dict[str, Any]:
-    """Return the recipe as a dictionary, without the place of a scene's files on this machine."""
-    content = asdict(recipe)
-    if recipe.scene is not None:
+def _told(config: SimulationConfig) -> dict[str, Any]:
+    """Return the config as a dictionary, without the place of a scene's files on this machine."""
+    content = asdict(config)
+    if config.scene is not None:
         del content["scene"]["folder"]
     return content
 
@@ -54,7 +54,7 @@ def _difference(name: str, old: Any, new: Any) -> str | None:
     """Return the first difference in or below the entry `name`."""
     if old == new:
         return None
-    told = name.removeprefix("recipe.")
+    told = name.removeprefix("config.")
     if isinstance(old, dict) and isinstance(new, dict):
         keys = dict.fromkeys((*new, *old))
         inner = [(f"{name}.{key}" if name else key, old.get(key), new.get(key)) for key in keys]

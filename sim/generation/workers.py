@@ -1,6 +1,6 @@
 """Processes that make a dataset's scans side by side: each has the whole town and takes one scan at a time.
 
-A scan is a function of the recipe and its number, so that who makes it and when cannot show in the result.
+A scan is a function of the config and its number, so that who makes it and when cannot show in the result.
 """
 
 import multiprocessing
@@ -27,7 +27,7 @@ from echoscape.sim.datasets.files.navtech_png import is_whole_png
 from echoscape.sim.datasets.files.npz import ends_as_archive
 from echoscape.sim.datasets.files.truth_npz import write_truth
 from echoscape.sim.datasets.polar_scan import EPOCH_US, PolarScan
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 
 
 class WorkerError(RuntimeError):
@@ -52,27 +52,27 @@ class _Failure:
 
 def make_scans(
     out: Path,
-    recipe: Recipe,
+    config: SimulationConfig,
     scenery: SceneSetup,
     *,
     workers: int,
     threads: int | None,
     report: Callable[[int], None],
 ) -> None:
-    """Make those of the recipe's scans that `out` lacks; `report` gets the number that are there.
+    """Make those of the config's scans that `out` lacks; `report` gets the number that are there.
 
     Raises:
         WorkerError: a worker died or failed.
     """
     report(0)
     if workers > 1:
-        WorkerPool(out, recipe, scenery, workers=workers, threads=threads).make(recipe.scans, report)
+        WorkerPool(out, config, scenery, workers=workers, threads=threads).make(config.scans, report)
         return
-    maker = ScanWriter(out, recipe, scenery, threads=threads)
+    maker = ScanWriter(out, config, scenery, threads=threads)
     # Packing the files of a scan leaves the processors to the next one.
     with ThreadPoolExecutor(1) as clerk:
         writing: Future[None] | None = None
-        for index in range(recipe.scans):
+        for index in range(config.scans):
             scan = maker.simulated(index)
             if writing is not None:
                 writing.result()
@@ -82,31 +82,33 @@ def make_scans(
                 report(index + 1)
         if writing is not None:
             writing.result()
-    report(recipe.scans)
+    report(config.scans)
 
 
-def scan_folders(recipe: Recipe) -> tuple[str, ...]:
+def scan_folders(config: SimulationConfig) -> tuple[str, ...]:
     """Return the folders that hold a file of every scan, all of the same name; pictures come first."""
-    folders = (recipe.folder_layout.scans_folders[0], "truth")
-    return (*folders, "beat") if recipe.keep_beat else folders
+    folders = (config.folder_layout.scans_folders[0], "truth")
+    return (*folders, "beat") if config.keep_beat else folders
 
 
-def whole_scans(out: Path, recipe: Recipe) -> set[str]:
+def whole_scans(out: Path, config: SimulationConfig) -> set[str]:
     """Return the names of the scans in `out` of which no file is missing or cut short."""
-    stems = {path.stem for path in (out / scan_folders(recipe)[0]).glob("*.png")}
-    return {stem for stem in stems if stem.isdecimal() and _is_whole(out, recipe, stem)}
+    stems = {path.stem for path in (out / scan_folders(config)[0]).glob("*.png")}
+    return {stem for stem in stems if stem.isdecimal() and _is_whole(out, config, stem)}
 
 
-def _is_whole(out: Path, recipe: Recipe, stem: str) -> bool:
+def _is_whole(out: Path, config: SimulationConfig, stem: str) -> bool:
     """Whether all files of a scan are there to their ends and its picture is undamaged."""
-    archives = [out / name / f"{stem}.npz" for name in scan_folders(recipe)[1:]]
-    return is_whole_png(recipe.folder_layout.scan_path(out, stem)) and all(map(ends_as_archive, archives))
+    archives = [out / name / f"{stem}.npz" for name in scan_folders(config)[1:]]
+    return is_whole_png(config.folder_layout.scan_path(out, stem)) and all(map(ends_as_archive, archives))
 
 
 class ScanWriter:
-    """Makes scans of a recipe and writes them with their truth."""
+    """Makes scans of a configuration and writes them with their truth."""
 
-    def __init__(self, out: Path, recipe: Recipe, scenery: SceneSetup, *, threads: int | None) -> None:
+    def __init__(
+        self, out: Path, config: SimulationConfig, scenery: SceneSetup, *, threads: int | None
+    ) -> None:
         """`threads` for Dr.Jit in this process; None leaves it as it is."""
         from echoscape.sim.numerics.malloc import keep_freed_memory
         from echoscape.sim.raytracing.mitsuba_backend import set_threads
@@ -116,16 +118,16 @@ class ScanWriter:
 
         if threads is not None:
             set_threads(threads)
-        self._out, self._recipe = out, recipe
+        self._out, self._config = out, config
         self._simulator = Simulator(
             scenery.town,
             scenery.drive,
             scenery.movers,
-            seed=recipe.seed,
-            sensor=recipe.sensor,
-            settings=recipe.trace,
-            artefacts=recipe.artefacts,
-            surfaces=recipe.surfaces,
+            seed=config.seed,
+            sensor=config.sensor,
+            settings=config.trace,
+            artefacts=config.artefacts,
+            surfaces=config.surfaces,
         )
 
     def make(self, index: int) -> None:
@@ -136,11 +138,11 @@ class ScanWriter:
 
     def simulated(self, index: int) -> PolarScan | None:
         """Return scan `index`, None where it is there already."""
-        layout, times_s = self._recipe.folder_layout, self._simulator.turn(index).times_s
+        layout, times_s = self._config.folder_layout, self._simulator.revolution(index).times_s
         stem = layout.stem(EPOCH_US + np.rint(times_s * 1e6).astype(np.int64))
-        if _is_whole(self._out, self._recipe, stem):
+        if _is_whole(self._out, self._config, stem):
             return None
-        scan = self._simulator.scan(index, keep_beat=self._recipe.keep_beat)
+        scan = self._simulator.scan(index, keep_beat=self._config.keep_beat)
         if scan.truth is None or layout.stem(scan.timestamp_us) != stem:
             raise WorkerError(
                 f"scan {index} has no truth, or is named {layout.stem(scan.timestamp_us)} instead of {stem}"
@@ -149,7 +151,7 @@ class ScanWriter:
 
     def write(self, scan: PolarScan) -> None:
         """Write a scan's files; its picture is written last and so stands for all of it."""
-        layout = self._recipe.folder_layout
+        layout = self._config.folder_layout
         stem = layout.stem(scan.timestamp_us)
         if scan.truth is not None:
             write_truth(self._out / "truth" / f"{stem}.npz", scan.truth)
@@ -162,9 +164,9 @@ class WorkerPool:
     """Worker processes and the pipes to them."""
 
     def __init__(
-        self, out: Path, recipe: Recipe, scenery: SceneSetup, *, workers: int, threads: int | None
+        self, out: Path, config: SimulationConfig, scenery: SceneSetup, *, workers: int, threads: int | None
     ) -> None:
-        self._out, self._recipe, self._scenery = out, recipe, scenery
+        self._out, self._config, self._scenery = out, config, scenery
         self._threads = threads or max(1, (os.cpu_count() or 1) // workers)
         self._workers = workers
         self._hands: dict[Connection, BaseProcess] = {}
@@ -192,7 +194,7 @@ class WorkerPool:
         context = multiprocessing.get_context("spawn")
         for number in range(self._workers):
             ours, theirs = context.Pipe()
-            arguments = (theirs, town_file, self._out, self._recipe, self._threads)
+            arguments = (theirs, town_file, self._out, self._config, self._threads)
             process = context.Process(target=_work, args=arguments, name=f"worker {number + 1}", daemon=True)
             process.start()
             theirs.close()
@@ -244,12 +246,12 @@ def _ending(code: int | None) -> str:
     return f"exit code {code}"
 
 
-def _work(pipe: Connection, town_file: Path, out: Path, recipe: Recipe, threads: int) -> None:
+def _work(pipe: Connection, town_file: Path, out: Path, config: SimulationConfig, threads: int) -> None:
     """Make the scans that come through the pipe until it closes; Ctrl-C is the parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         scenery = pickle.loads(town_file.read_bytes())
-        maker = ScanWriter(out, recipe, scenery, threads=threads)
+        maker = ScanWriter(out, config, scenery, threads=threads)
         pipe.send(None)
         while True:
             maker.make(pipe.recv())

@@ -14,7 +14,7 @@ from echoscape.cli.__main__ import COMMANDS, main
 from echoscape.sim.datasets import scan_folder as folders
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.generation import dataset
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.registry import SENSORS
 from echoscape.sim.sensor.sensor import Sensor
@@ -159,10 +159,10 @@ def test_damage_that_only_the_summary_meets_is_told_in_a_line(
 
 
 @pytest.fixture
-def recipes(monkeypatch: pytest.MonkeyPatch) -> list[Recipe]:
+def configs(monkeypatch: pytest.MonkeyPatch) -> list[SimulationConfig]:
     """What the command would make."""
-    told: list[Recipe] = []
-    monkeypatch.setattr(simulate, "_simulate", lambda options, recipe: told.append(recipe) or 0)
+    told: list[SimulationConfig] = []
+    monkeypatch.setattr(simulate, "_simulate", lambda options, config: told.append(config) or 0)
     return told
 
 
@@ -181,20 +181,20 @@ def recipes(monkeypatch: pytest.MonkeyPatch) -> list[Recipe]:
     ],
 )
 def test_radar_decides_the_sensor_and_the_layout_and_single_numbers_override_it(
-    tmp_path: Path, recipes: list[Recipe], words: str, sensor: Sensor, layout: str
+    tmp_path: Path, configs: list[SimulationConfig], words: str, sensor: Sensor, layout: str
 ) -> None:
     assert main(["simulate", str(tmp_path / "set"), *words.split()]) == 0
-    assert recipes[0].sensor == sensor
-    assert recipes[0].folder_layout.name == layout
+    assert configs[0].sensor == sensor
+    assert configs[0].folder_layout.name == layout
 
 
-def test_radar_from_a_file(tmp_path: Path, recipes: list[Recipe]) -> None:
+def test_radar_from_a_file(tmp_path: Path, configs: list[SimulationConfig]) -> None:
     path = tmp_path / "mine.toml"
     path.write_text('base = "cir204"\nname = "mine"\nbins = 2000\n')
     words = ["--radar", str(path), "--sensor.adc-bits", "10"]
     assert main(["simulate", str(tmp_path / "set"), *words]) == 0
-    assert recipes[0].sensor == replace(SENSORS["cir204"], name="mine", bins=2000, adc_bits=10)
-    assert recipes[0].folder_layout.name == "oxford"
+    assert configs[0].sensor == replace(SENSORS["cir204"], name="mine", bins=2000, adc_bits=10)
+    assert configs[0].folder_layout.name == "oxford"
 
 
 def test_own_scene_that_does_not_fit_is_told_and_leaves_nothing(
@@ -212,9 +212,9 @@ def test_own_scene_and_targets_make_a_dataset(tmp_path: Path, capsys: pytest.Cap
     small = ["--scans", "1", "--trace.rays", "16", "--no-preview"]
     assert main(["simulate", str(tmp_path / "set"), *files, *small]) == 0
     assert "yard.obj, seed 0" in capsys.readouterr().out
-    recipe = json.loads((tmp_path / "set" / "echoscape.json").read_text())["recipe"]
-    assert len(recipe["scene"]["targets"]) == 1
-    assert len(recipe["targets"]) == 3
+    config = json.loads((tmp_path / "set" / "echoscape.json").read_text())["config"]
+    assert len(config["scene"]["targets"]) == 1
+    assert len(config["targets"]) == 3
 
 
 def test_files_are_no_settings_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:

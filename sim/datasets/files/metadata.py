@@ -1,6 +1,6 @@
-"""echoscape.json: the recipe of a dataset, the versions that made it, and the names behind its numbers.
+"""echoscape.json: the config of a dataset, the versions that made it, and the names behind its numbers.
 
-It holds nothing of the machine or the hour, so that the same recipe writes the same bytes.
+It holds nothing of the machine or the hour, so that the same config writes the same bytes.
 """
 
 import json
@@ -12,7 +12,7 @@ from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.sensor.sensor import Sensor
 
 FILE_NAME = "echoscape.json"
-FORMAT = 1
+FORMAT = 2
 """Version of the folder's layout; readers refuse others."""
 
 
@@ -41,8 +41,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 def world_of(content: dict[str, Any]) -> str:
     """Return what the world of a manifest is called: its preset, or the mesh of a scene of one's own."""
-    scene = content["recipe"].get("scene")
-    return content["recipe"]["preset"] if scene is None else scene["file"]
+    scene = content["config"].get("scene")
+    return content["config"]["preset"] if scene is None else scene["file"]
 
 
 def sensor_of(content: dict[str, Any]) -> Sensor:
@@ -52,7 +52,7 @@ def sensor_of(content: dict[str, Any]) -> Sensor:
         DatasetError: its settings make no sensor.
     """
     try:
-        settings = dict(content["recipe"]["sensor"])
+        settings = dict(content["config"]["sensor"])
         if "doppler_sign" in settings:  # until chirps could alternate
             settings["chirps"] = {-1: "rising", 1: "falling"}[settings.pop("doppler_sign")]
         settings = {
@@ -63,7 +63,7 @@ def sensor_of(content: dict[str, Any]) -> Sensor:
             **{each.name: _as_tuples(settings.pop(each.name)) for each in fields(Sensor)}, **settings
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise DatasetError(f"{FILE_NAME}: recipe.sensor describes no sensor ({error})") from error
+        raise DatasetError(f"{FILE_NAME}: config.sensor describes no sensor ({error})") from error
 
 
 def _as_tuples(value: Any) -> Any:

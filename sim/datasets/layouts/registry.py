@@ -45,7 +45,7 @@ def layout_of(content: Mapping[str, Any]) -> Layout:
         DatasetError: it names none.
     """
     try:
-        name = content["recipe"].get("layout")
-        return home_of(content["recipe"]["sensor"]["name"]) if name is None else layout_named(name)
+        name = content["config"].get("layout")
+        return home_of(content["config"]["sensor"]["name"]) if name is None else layout_named(name)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise DatasetError(f"echoscape.json: recipe.layout names no layout ({error})") from error
+        raise DatasetError(f"echoscape.json: config.layout names no layout ({error})") from error

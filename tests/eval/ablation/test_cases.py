@@ -10,7 +10,7 @@ from echoscape.eval.ablation.cases import EFFECTS, Effect, chosen
 from echoscape.eval.ablation.run import Shown, changes, check_index, shown_effects, table
 from echoscape.scenes.driving.ego_drive import EgoDrive
 from echoscape.scenes.traffic.plan import plan_traffic
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.setup import build_scene
 from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.sim.simulator import Simulator
@@ -41,22 +41,22 @@ def test_cells_that_change_by_3_db_are_counted() -> None:
 
 
 def test_scans_shown_are_those_of_a_simulation() -> None:
-    recipe = Recipe(preset="empty", seed=5, scans=2, artefacts=Artefacts(leakage=0.5, rain=3.0))
-    leakage, rain = shown_effects(recipe, 1, names=("rain", "leakage"))
+    config = SimulationConfig(preset="empty", seed=5, scans=2, artefacts=Artefacts(leakage=0.5, rain=3.0))
+    leakage, rain = shown_effects(config, 1, names=("rain", "leakage"))
     assert (leakage.strengths, rain.strengths) == ((0.0, 0.5), (0.0, 10.0, 25.0))
-    stage = build_scene(recipe)
+    stage = build_scene(config)
     assert isinstance(stage.drive, EgoDrive)
-    movers = plan_traffic(stage.town, stage.drive, seed=5, settings=recipe.traffic)
+    movers = plan_traffic(stage.town, stage.drive, seed=5, settings=config.traffic)
     for strength, scan in zip(leakage.strengths, leakage.scans, strict=True):
-        artefacts = replace(recipe.artefacts, leakage=strength)
+        artefacts = replace(config.artefacts, leakage=strength)
         simulator = Simulator(stage.town, stage.drive, movers, seed=5, artefacts=artefacts)
         assert_array_equal(scan.codes, simulator.scan(1).codes)
     assert [each.codes.mean() for each in rain.scans] == sorted(each.codes.mean() for each in rain.scans)
 
 
 def test_an_effect_that_is_off_is_shown_at_its_default() -> None:
-    recipe = Recipe(preset="empty", scans=1, artefacts=Artefacts(thermal_noise=0.0))
-    (noise,) = shown_effects(recipe, 0, names=("thermal_noise",))
+    config = SimulationConfig(preset="empty", scans=1, artefacts=Artefacts(thermal_noise=0.0))
+    (noise,) = shown_effects(config, 0, names=("thermal_noise",))
     # 290 K and a noise figure of 15 dB.
     assert_allclose(noise.strengths, (0.0, 290 * 10**1.5), rtol=1e-3)
 
@@ -65,4 +65,4 @@ def test_unknown_effects_and_scans_are_refused() -> None:
     with pytest.raises(ValueError, match=r"only must name some of speckle, .*, got 'snow'"):
         chosen(("snow",))
     with pytest.raises(ValueError, match="scan must be between 0 and 3, got 4"):
-        check_index(Recipe(preset="empty", scans=4), 4)
+        check_index(SimulationConfig(preset="empty", scans=4), 4)

@@ -14,10 +14,10 @@ from echoscape.eval.ablation.crop import most_changed
 from echoscape.eval.ablation.figures import picture, write_artefacts
 from echoscape.eval.ablation.run import Shown
 from echoscape.sim.datasets.files.atomic_write import DatasetError
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from tests.sim.scans import drawn_scan
 
-RECIPE = Recipe(preset="empty", seed=5, scans=2)
+CONFIG = SimulationConfig(preset="empty", seed=5, scans=2)
 
 
 def _shown(row: int, range_m: float, view: str) -> Shown:
@@ -69,7 +69,7 @@ def test_an_effect_that_changes_nothing_is_shown_round_the_radar() -> None:
 
 def test_a_folder_gets_a_picture_an_effect_and_the_table(tmp_path: Path) -> None:
     out = tmp_path / "new" / "folder"
-    rows, paths = write_artefacts(out, RECIPE, 1, names=("leakage", "motion_distortion"))
+    rows, paths = write_artefacts(out, CONFIG, 1, names=("leakage", "motion_distortion"))
     assert [path.name for path in paths] == ["leakage.png", "motion_distortion.png", "artefacts.md"]
     assert sorted(paths) == sorted(out.iterdir())
     assert [row.effect for row in rows] == 2 * ["leakage"] + 2 * ["motion_distortion"]
@@ -82,11 +82,11 @@ def test_nothing_is_left_where_a_picture_fails(tmp_path: Path, monkeypatch: pyte
 
     monkeypatch.setattr(artefact_pictures, "picture", fail)
     with pytest.raises(MemoryError):
-        write_artefacts(tmp_path / "out", RECIPE, 0, names=("leakage",))
+        write_artefacts(tmp_path / "out", CONFIG, 0, names=("leakage",))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_in_the_folders_place_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("dear")
     with pytest.raises(DatasetError, match="out must be a folder"):
-        write_artefacts(tmp_path / "out", RECIPE, 0)
+        write_artefacts(tmp_path / "out", CONFIG, 0)

@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose
 from PIL import Image
 
 from echoscape.cli.__main__ import main
-from echoscape.eval.figures.preview import read_frame
-from echoscape.eval.figures.target_markers import TARGET_COLOUR, target_marks
+from echoscape.eval.figures.frame import read_frame
+from echoscape.eval.figures.style import TARGET_COLOUR
+from echoscape.eval.figures.target_markers import target_marks
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 
 START = np.array([100.0, 50.0, 0.0, np.pi / 2])
@@ -27,19 +28,19 @@ position_m = [30, -20, 1.9]
 
 
 def test_marks_stand_where_the_targets_do() -> None:
-    recipe = {
+    config = {
         "targets": [{"target": NEAR}, NEAR],
         "scene": {"targets": [NEAR | {"position_m": [1.0, 2.0, 0.5]}]},
     }
-    marks = target_marks({"recipe": recipe}, start=START)
+    marks = target_marks({"config": config}, start=START)
     # 20 m ahead is north, 4 m to the right is east.
     assert_allclose([(mark.x_m, mark.y_m) for mark in marks], [(1, 2), (104, 70), (20, 4)], atol=1e-9)
     assert {mark.kind for mark in marks} == {"sphere"}
-    assert target_marks({"recipe": {"scene": None}}, start=START) == ()
+    assert target_marks({"config": {"scene": None}}, start=START) == ()
     with pytest.raises(
-        DatasetError, match=r"echoscape\.json: an entry of targets describes none .kind must be one of"
+        DatasetError, match=r"echoscape\.json: an entry of targets describes no target .kind must be one of"
     ):
-        target_marks({"recipe": {"targets": [NEAR | {"kind": "ufo"}]}}, start=START)
+        target_marks({"config": {"targets": [NEAR | {"kind": "ufo"}]}}, start=START)
 
 
 def _preview(folder: Path, *words: str) -> np.ndarray:

@@ -102,9 +102,9 @@ def _wide(scan: PolarScan) -> PolarScan:
 
 
 def _manifest(scans: int) -> dict:
-    recipe = {"preset": "hand <b>", "seed": 1, "scans": scans, "sensor": asdict(SENSOR)}
+    config = {"preset": "hand <b>", "seed": 1, "scans": scans, "sensor": asdict(SENSOR)}
     components = [component.name.lower() for component in Component]
-    return {"format": FORMAT, "recipe": recipe, "classes": list(CLASSES), "components": components}
+    return {"format": FORMAT, "config": config, "classes": list(CLASSES), "components": components}
 
 
 def _row(number: int) -> OdometryRow:

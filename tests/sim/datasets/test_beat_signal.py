@@ -32,7 +32,7 @@ def received(
     """What the receiver makes of echoes (rows, echoes) at ranges (rows, echoes)."""
     rows, count = range_m.shape
     echoes = point_echoes(
-        row=np.repeat(np.arange(rows), count),
+        azimuth=np.repeat(np.arange(rows), count),
         range_m=range_m.ravel(),
         amplitude=amplitude.ravel(),
         azimuths=SENSOR.azimuths,

@@ -195,10 +195,10 @@ def test_layouts_are_found_by_name_and_every_sensor_has_a_home() -> None:
         "mine": "oxford",
     }
     sensor = {"name": "cir204"}
-    assert layout_of({"recipe": {"sensor": sensor}}).name == "mulran"
-    assert layout_of({"recipe": {"sensor": sensor, "layout": "boreas"}}).name == "boreas"
-    for bad in ({}, {"recipe": 3}, {"recipe": {"sensor": sensor, "layout": "moon"}}):
-        with pytest.raises(DatasetError, match=r"recipe\.layout"):
+    assert layout_of({"config": {"sensor": sensor}}).name == "mulran"
+    assert layout_of({"config": {"sensor": sensor, "layout": "boreas"}}).name == "boreas"
+    for bad in ({}, {"config": 3}, {"config": {"sensor": sensor, "layout": "moon"}}):
+        with pytest.raises(DatasetError, match=r"config\.layout"):
             layout_of(bad)
 
 

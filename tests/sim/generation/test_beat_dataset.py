@@ -9,20 +9,20 @@ from numpy.testing import assert_array_equal
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.beat_npz import read_beat
 from echoscape.sim.datasets.layouts.oxford import read_png, read_timestamps
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
 from echoscape.sim.receiver.range_fft import codes_of_beat
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.settings.tracing import TraceSettings
 
-RECIPE = Recipe(preset="empty", seed=3, scans=2, trace=TraceSettings(rays=16))
-KEEPING = replace(RECIPE, keep_beat=True)
+CONFIG = SimulationConfig(preset="empty", seed=3, scans=2, trace=TraceSettings(rays=16))
+KEEPING = replace(CONFIG, keep_beat=True)
 
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("plain") / "set"
-    write_dataset(out, RECIPE)
+    write_dataset(out, CONFIG)
     return out
 
 

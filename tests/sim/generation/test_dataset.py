@@ -23,21 +23,21 @@ from echoscape.sim.datasets.files.metadata import read_manifest, sensor_of
 from echoscape.sim.datasets.files.truth_npz import read_truth
 from echoscape.sim.datasets.layouts.oxford import read_odometry, read_png, read_timestamps
 from echoscape.sim.generation import setup as stage
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
 from echoscape.sim.generation.manifest import difference, manifest
 from echoscape.sim.generation.workers import WorkerError, whole_scans
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.settings.tracing import TraceSettings
 
-RECIPE = Recipe(preset="empty", seed=3, scans=4, trace=TraceSettings(rays=16))
+CONFIG = SimulationConfig(preset="empty", seed=3, scans=4, trace=TraceSettings(rays=16))
 OPTIONS = ["--preset", "empty", "--seed", "3", "--scans", "4", "--trace.rays", "16", "--no-preview"]
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("made") / "set"
-    write_dataset(out, RECIPE)
+    write_dataset(out, CONFIG)
     return out
 
 
@@ -94,10 +94,10 @@ def test_odometry_leads_from_pose_to_pose(made: Path) -> None:
     assert_allclose((x, y, yaw), truths[-1].middle_pose[[0, 1, 3]], atol=1e-5)
 
 
-def test_manifest_tells_recipe_versions_and_names_but_nothing_of_the_machine(made: Path) -> None:
+def test_manifest_has_configuration_versions_and_names_but_nothing_of_the_machine(made: Path) -> None:
     content = read_manifest(made)
-    assert content["recipe"]["seed"] == 3
-    assert content["recipe"]["trace"]["rays"] == 16
+    assert content["config"]["seed"] == 3
+    assert content["config"]["trace"]["rays"] == 16
     assert content["components"][:3] == ["noise", "leakage", "direct"]
     assert content["classes"][0] == "none"
     assert {"python", "numpy", "mitsuba", "drjit", "llvm", "echoscape"} <= content["versions"].keys()
@@ -118,7 +118,7 @@ def test_tracks_hold_the_car_and_its_poses(made: Path) -> None:
 
 def test_resuming_a_whole_dataset_changes_nothing(made: Path) -> None:
     before = _bytes(made)
-    write_dataset(made, RECIPE, resume=True)
+    write_dataset(made, CONFIG, resume=True)
     assert _bytes(made) == before
 
 
@@ -130,12 +130,12 @@ def _keys(content: object) -> set[str]:
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_bytes_do_not_depend_on_threads(made: Path, tmp_path: Path, threads: int) -> None:
-    write_dataset(tmp_path, RECIPE, threads=threads)
+    write_dataset(tmp_path, CONFIG, threads=threads)
     _assert_same_bytes(tmp_path, made)
 
 
 def test_bytes_do_not_depend_on_workers(made: Path, tmp_path: Path) -> None:
-    write_dataset(tmp_path / "new" / "set", RECIPE, workers=2)
+    write_dataset(tmp_path / "new" / "set", CONFIG, workers=2)
     _assert_same_bytes(tmp_path / "new" / "set", made)
 
 
@@ -162,10 +162,10 @@ def test_killed_run_resumes_to_the_same_bytes(made: Path, tmp_path: Path, worker
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
         whole = {path: path.stat().st_mtime_ns for path in out.glob("radar/*.png")}
-        if len(whole) < RECIPE.scans:
+        if len(whole) < CONFIG.scans:
             break
-    assert 0 < len(whole) < RECIPE.scans
-    write_dataset(out, RECIPE, resume=True)
+    assert 0 < len(whole) < CONFIG.scans
+    write_dataset(out, CONFIG, resume=True)
     assert {path: path.stat().st_mtime_ns for path in whole} == whole
     _assert_same_bytes(out, made)
 
@@ -199,15 +199,15 @@ def test_worker_that_dies_ends_the_run(tmp_path: Path) -> None:
     with pytest.raises(
         WorkerError, match=r"worker \d died while (starting|making scan \d) \(signal SIGKILL\)"
     ) as told:
-        write_dataset(tmp_path, RECIPE, workers=2, progress=kill_one)
+        write_dataset(tmp_path, CONFIG, workers=2, progress=kill_one)
     assert str(told.value).startswith(killed[0])
     assert multiprocessing.active_children() == []
     assert not list(tmp_path.rglob("*.part"))
 
 
-def test_other_recipe_is_not_resumed_and_the_setting_is_named(made: Path) -> None:
+def test_another_configuration_is_not_resumed_and_the_setting_is_named(made: Path) -> None:
     before = _bytes(made)
-    other = Recipe(preset="empty", seed=3, scans=4, trace=TraceSettings(rays=25))
+    other = SimulationConfig(preset="empty", seed=3, scans=4, trace=TraceSettings(rays=25))
     with pytest.raises(DatasetError, match=r"trace\.rays was 16, now it is 25"):
         write_dataset(made, other, resume=True)
     assert _bytes(made) == before
@@ -219,7 +219,7 @@ def test_of_lists_the_first_entry_and_field_that_differ_are_named() -> None:
     moved = replace(far, position_m=(60.0, 0.5, 2.0))
 
     def told(before: tuple[Target, ...], after: tuple[Target, ...]) -> str | None:
-        return difference(*(manifest(replace(RECIPE, targets=each)) for each in (before, after)))
+        return difference(*(manifest(replace(CONFIG, targets=each)) for each in (before, after)))
 
     assert told((near, far), (near, moved)) == "targets[1].position_m[1] was 0.0, now it is 0.5"
     assert told((near, far), (replace(near, kind="point", size_m=()), far)) == (
@@ -233,9 +233,9 @@ def test_of_lists_the_first_entry_and_field_that_differ_are_named() -> None:
 def test_full_folder_is_refused_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / "diary.txt").write_text("dear")
     with pytest.raises(DatasetError, match="OUT must be empty or new"):
-        write_dataset(tmp_path, RECIPE)
+        write_dataset(tmp_path, CONFIG)
     with pytest.raises(DatasetError, match="is no dataset"):
-        write_dataset(tmp_path, RECIPE, resume=True)
+        write_dataset(tmp_path, CONFIG, resume=True)
     assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]
 
 
@@ -251,7 +251,7 @@ def test_nothing_is_left_when_the_first_step_fails(
     if there:
         out.mkdir(parents=True)
     with pytest.raises(ArithmeticError):
-        write_dataset(out, RECIPE)
+        write_dataset(out, CONFIG)
     assert out.exists() == there
     assert (tmp_path / "a").exists() == there
     assert not there or list(out.iterdir()) == []
@@ -262,51 +262,51 @@ def test_fewer_than_one_worker_or_thread_is_refused(
     tmp_path: Path, workers: int, threads: int | None, name: str
 ) -> None:
     with pytest.raises(ValueError, match=f"{name} must be 1 or more, got 0"):
-        write_dataset(tmp_path / "set", RECIPE, workers=workers, threads=threads)
+        write_dataset(tmp_path / "set", CONFIG, workers=workers, threads=threads)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
 def test_senseless_traffic_is_refused_by_name(value: float) -> None:
     with pytest.raises(ValueError, match="vehicles_per_km2 must be between 0 and 1000"):
-        Recipe(traffic=TrafficSettings(vehicles_per_km2=value))
+        SimulationConfig(traffic=TrafficSettings(vehicles_per_km2=value))
 
 
 @pytest.mark.slow
 def test_town_has_the_same_bytes_from_one_and_two_workers(tmp_path: Path) -> None:
-    recipe = Recipe(preset="town", seed=7, scans=3)
-    write_dataset(tmp_path / "one", recipe)
-    write_dataset(tmp_path / "two", recipe, workers=2)
+    config = SimulationConfig(preset="town", seed=7, scans=3)
+    write_dataset(tmp_path / "one", config)
+    write_dataset(tmp_path / "two", config, workers=2)
     _assert_same_bytes(tmp_path / "one", tmp_path / "two")
 
 
 @pytest.mark.parametrize("lost", ["truth", "radar", "scene.glb", "tracks.csv"])
 def test_resume_makes_whatever_is_missing(made: Path, tmp_path: Path, lost: str) -> None:
     out = tmp_path / "set"
-    write_dataset(out, RECIPE)
+    write_dataset(out, CONFIG)
     path = out / lost
     (sorted(path.iterdir())[1] if path.is_dir() else path).unlink()
-    write_dataset(out, RECIPE, resume=True)
+    write_dataset(out, CONFIG, resume=True)
     _assert_same_bytes(out, made)
 
 
 @pytest.fixture(scope="module")
 def with_beat(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("beat") / "set"
-    write_dataset(out, replace(RECIPE, keep_beat=True))
+    write_dataset(out, replace(CONFIG, keep_beat=True))
     return out
 
 
 @pytest.mark.parametrize("kind", ["radar", "truth", "beat"])
 def test_resume_makes_again_what_was_cut_short(with_beat: Path, tmp_path: Path, kind: str) -> None:
     out = Path(shutil.copytree(with_beat, tmp_path / "set"))
-    recipe = replace(RECIPE, keep_beat=True)
+    config = replace(CONFIG, keep_beat=True)
     nothing, half, nearly, whole = sorted((out / kind).iterdir())
     for path, size in ((nothing, 0), (half, half.stat().st_size // 2), (nearly, nearly.stat().st_size - 1)):
         os.truncate(path, size)
-    assert whole_scans(out, recipe) == {whole.stem}
+    assert whole_scans(out, config) == {whole.stem}
     before = whole.stat().st_mtime_ns
-    write_dataset(out, recipe, resume=True)
+    write_dataset(out, config, resume=True)
     assert whole.stat().st_mtime_ns == before
     _assert_same_bytes(out, with_beat)
 
@@ -323,7 +323,7 @@ def test_failed_start_leaves_other_peoples_datasets_alone(
 
     monkeypatch.setattr(stage, "build_town", build)
     with pytest.raises(KeyboardInterrupt):
-        write_dataset(tmp_path / "sets" / "mine", RECIPE)
+        write_dataset(tmp_path / "sets" / "mine", CONFIG)
     assert neighbour.read_text() == "a day's work"
     assert not (tmp_path / "sets" / "mine").exists()
 
@@ -339,7 +339,7 @@ def test_resume_makes_again_what_was_cut_short_of_the_scenery(
     os.truncate(out / name, (out / name).stat().st_size - 1)
     if scan_lost:
         next((out / "radar").iterdir()).unlink()
-    write_dataset(out, RECIPE, resume=True)
+    write_dataset(out, CONFIG, resume=True)
     _assert_same_bytes(out, made)
 
 
@@ -349,6 +349,6 @@ def test_resume_makes_a_scan_again_whose_picture_is_damaged(made: Path, tmp_path
     data = bytearray(damaged.read_bytes())
     data[5000] ^= 0xFF
     damaged.write_bytes(data)
-    assert whole_scans(out, RECIPE) == {path.stem for path in others}
-    write_dataset(out, RECIPE, resume=True)
+    assert whole_scans(out, CONFIG) == {path.stem for path in others}
+    write_dataset(out, CONFIG, resume=True)
     _assert_same_bytes(out, made)

@@ -10,7 +10,7 @@ import pytest
 
 from echoscape.cli.__main__ import main
 from echoscape.sim.generation import domain_randomization as variation
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.domain_randomization import randomized
 from echoscape.sim.sensor.registry import SENSORS
 from echoscape.sim.settings.artefacts import Artefacts
@@ -30,14 +30,14 @@ def width_deg(pattern: tuple[tuple[float, float], ...], level_db: float) -> floa
 
 
 def test_same_seed_same_draw() -> None:
-    assert randomized(Recipe(seed=3)) == randomized(Recipe(seed=3))
-    assert randomized(Recipe(seed=3)).sensor != randomized(Recipe(seed=4)).sensor
-    assert randomized(Recipe(seed=3, scans=7)).sensor == randomized(Recipe(seed=3)).sensor
+    assert randomized(SimulationConfig(seed=3)) == randomized(SimulationConfig(seed=3))
+    assert randomized(SimulationConfig(seed=3)).sensor != randomized(SimulationConfig(seed=4)).sensor
+    assert randomized(SimulationConfig(seed=3, scans=7)).sensor == randomized(SimulationConfig(seed=3)).sensor
 
 
 def test_second_time_is_refused() -> None:
     with pytest.raises(ValueError, match="randomized must be False"):
-        randomized(randomized(Recipe(seed=3)))
+        randomized(randomized(SimulationConfig(seed=3)))
 
 
 @pytest.mark.parametrize("name", SENSORS)
@@ -45,7 +45,7 @@ def test_draws_stay_within_their_ranges(name: str) -> None:
     old = SENSORS[name]
     losses = []
     for seed in SEEDS:
-        made = randomized(Recipe(seed=seed, sensor=old))  # a sensor that is none is refused here
+        made = randomized(SimulationConfig(seed=seed, sensor=old))  # a sensor that is none is refused here
         new, surfaces, artefacts = made.sensor, made.surfaces, made.artefacts
         noise_db = new.noise_figure_db - old.noise_figure_db
         losses.append(new.system_loss_db - old.system_loss_db)
@@ -79,7 +79,7 @@ def test_draws_stay_within_their_ranges(name: str) -> None:
 
 
 def test_something_stands_on_some_roofs() -> None:
-    blocked = [randomized(Recipe(seed=seed)).sensor for seed in SEEDS]
+    blocked = [randomized(SimulationConfig(seed=seed)).sensor for seed in SEEDS]
     losses = [each.row_loss_db for each in blocked if each.row_loss_db.any()]
     # 200 draws: 0.4 to three standard errors of 0.035.
     assert len(losses) / len(blocked) == pytest.approx(variation.BLOCKED_CHANCE, abs=0.11)
@@ -92,21 +92,23 @@ def test_something_stands_on_some_roofs() -> None:
 def test_what_stood_on_the_roof_before_stays() -> None:
     mast = ((0.0, 0.0), (179.0, 0.0), (179.5, 30.0), (180.5, 30.0), (181.0, 0.0), (360.0, 0.0))
     for seed in range(40):
-        sensor = randomized(Recipe(seed=seed, sensor=replace(SENSORS["cts350x"], blocking_db=mast))).sensor
+        sensor = randomized(
+            SimulationConfig(seed=seed, sensor=replace(SENSORS["cts350x"], blocking_db=mast))
+        ).sensor
         assert sensor.row_loss_db[200] >= 30.0
         assert sensor.row_loss_db[:60].max() == 0.0
 
 
 def test_what_is_off_stays_off_and_the_rest_as_told() -> None:
     told = Artefacts(rain=3.0, leakage=False, thermal_noise=500.0).without("ghosts", "sidelobes")
-    made = randomized(Recipe(seed=5, artefacts=told)).artefacts
+    made = randomized(SimulationConfig(seed=5, artefacts=told)).artefacts
     assert made == told
 
 
 def test_rough_settings_stay_settings() -> None:
     rough = SurfaceSettings(rms_height=9.5, rms_slope=9.5, scattering=9.5)
     for seed in range(20):
-        randomized(Recipe(seed=seed, surfaces=rough))
+        randomized(SimulationConfig(seed=seed, surfaces=rough))
 
 
 def run(out: Path, *more: str) -> int:
@@ -117,14 +119,14 @@ def run(out: Path, *more: str) -> int:
 def test_command_records_what_was_drawn_and_resumes(tmp_path: Path) -> None:
     whole, stopped = tmp_path / "whole", tmp_path / "stopped"
     assert run(whole, "--randomize") == 0
-    recipe = json.loads((whole / "echoscape.json").read_text())["recipe"]
-    drawn = randomized(Recipe(preset="empty", seed=3))
-    assert recipe["randomized"] is True
+    config = json.loads((whole / "echoscape.json").read_text())["config"]
+    drawn = randomized(SimulationConfig(preset="empty", seed=3))
+    assert config["randomized"] is True
     assert (
-        recipe["sensor"]["system_loss_db"] == drawn.sensor.system_loss_db != SENSORS["cts350x"].system_loss_db
+        config["sensor"]["system_loss_db"] == drawn.sensor.system_loss_db != SENSORS["cts350x"].system_loss_db
     )
-    assert recipe["artefacts"]["leakage"] == drawn.artefacts.leakage
-    assert recipe["surfaces"]["rms_height"] == drawn.surfaces.rms_height
+    assert config["artefacts"]["leakage"] == drawn.artefacts.leakage
+    assert config["surfaces"]["rms_height"] == drawn.surfaces.rms_height
     assert run(stopped, "--randomize") == 0
     last = sorted((stopped / "radar").iterdir())[-1]
     for path in (last, *stopped.glob(f"truth/{last.stem}.npz")):

@@ -16,7 +16,7 @@ from echoscape.scenes.io.target_toml import FromStart
 from echoscape.scenes.io.user_scene import read_user_scene
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.truth_npz import read_truth
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
 from echoscape.sim.generation.setup import build_scene
 from echoscape.sim.settings.tracing import TraceSettings
@@ -41,14 +41,14 @@ def _scene(folder: Path, text: str = SCENE) -> Path:
     return folder / "wall.toml"
 
 
-def _recipe(path: Path, *, scans: int = 2) -> Recipe:
-    return Recipe(scene=read_user_scene(path), scans=scans, trace=FEW)
+def _config(path: Path, *, scans: int = 2) -> SimulationConfig:
+    return SimulationConfig(scene=read_user_scene(path), scans=scans, trace=FEW)
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("own")
-    write_dataset(folder / "set", _recipe(_scene(folder / "files")))
+    write_dataset(folder / "set", _config(_scene(folder / "files")))
     return folder / "set"
 
 
@@ -60,7 +60,7 @@ def _bytes(folder: Path) -> dict[str, bytes]:
 def test_bytes_do_not_depend_on_where_the_files_lie_nor_on_workers(
     made: Path, tmp_path: Path, workers: int
 ) -> None:
-    write_dataset(tmp_path / "set", _recipe(_scene(tmp_path / "elsewhere")), workers=workers)
+    write_dataset(tmp_path / "set", _config(_scene(tmp_path / "elsewhere")), workers=workers)
     first, second = _bytes(made), _bytes(tmp_path / "set")
     assert first.keys() == second.keys()
     assert [name for name in first if first[name] != second[name]] == []
@@ -68,8 +68,8 @@ def test_bytes_do_not_depend_on_where_the_files_lie_nor_on_workers(
 
 def test_the_manifest_holds_the_description_and_the_hash_but_no_place(made: Path) -> None:
     content = json.loads((made / "echoscape.json").read_text())
-    scene = content["recipe"]["scene"]
-    assert (content["recipe"]["preset"], scene["file"], len(scene["sha256"])) == ("own", "wall.obj", 64)
+    scene = content["config"]["scene"]
+    assert (content["config"]["preset"], scene["file"], len(scene["sha256"])) == ("own", "wall.obj", 64)
     assert scene["rules"][0]["material"] == "metal"
     assert str(made.parent) not in (made / "echoscape.json").read_text()
 
@@ -89,12 +89,12 @@ def test_a_changed_mesh_or_description_is_not_resumed(made: Path, tmp_path: Path
     shutil.copytree(made, out)
     path = _scene(tmp_path / "files")
     before = _bytes(out)
-    write_dataset(out, _recipe(path), resume=True)
+    write_dataset(out, _config(path), resume=True)
     (path.parent / "wall.obj").write_text(WALL.replace("20", "21"))
     with pytest.raises(DatasetError, match=r"scene\.sha256 was "):
-        write_dataset(out, _recipe(path), resume=True)
+        write_dataset(out, _config(path), resume=True)
     with pytest.raises(DatasetError, match=r"scene\.scale was 1\.0, now it is 2\.0"):
-        write_dataset(out, _recipe(_scene(tmp_path / "files", "scale = 2\n" + SCENE)), resume=True)
+        write_dataset(out, _config(_scene(tmp_path / "files", "scale = 2\n" + SCENE)), resume=True)
     assert _bytes(out) == before
 
 
@@ -102,16 +102,16 @@ def test_a_mesh_that_is_found_broken_leaves_nothing(tmp_path: Path) -> None:
     path = _scene(tmp_path / "files")
     (path.parent / "wall.obj").write_text(WALL + "f 1 2 77\n")
     with pytest.raises(SceneError, match="a face names vertex 77"):
-        write_dataset(tmp_path / "set", _recipe(path))
+        write_dataset(tmp_path / "set", _config(path))
     assert not (tmp_path / "set").exists()
 
 
 def test_scans_beyond_the_drive_are_refused_and_the_most_is_named(tmp_path: Path) -> None:
     path = _scene(tmp_path)  # 12 m at 10 m/s: 1.2 s, and a turn lasts up to 0.2533 s
-    build_scene(_recipe(path, scans=4))
+    build_scene(_config(path, scans=4))
     with pytest.raises(SceneError, match=r"scans must be 4 or fewer: the drive lasts 1\.20 s"):
-        build_scene(_recipe(path, scans=5))
-    build_scene(_recipe(path, scans=5), whole_drive=True)
+        build_scene(_config(path, scans=5))
+    build_scene(_config(path, scans=5), whole_drive=True)
 
 
 def test_a_drive_through_a_wall_is_told_with_its_name_time_and_place(tmp_path: Path) -> None:
@@ -119,19 +119,19 @@ def test_a_drive_through_a_wall_is_told_with_its_name_time_and_place(tmp_path: P
     with pytest.raises(
         SceneError, match=r"passes through object 'wall' 1\.8 s after its start, at x 17\.\d m"
     ):
-        build_scene(_recipe(path, scans=12))
-    build_scene(_recipe(path, scans=4))  # which end before it
+        build_scene(_config(path, scans=12))
+    build_scene(_config(path, scans=4))  # which end before it
 
 
 def test_a_preset_beside_a_scene_is_refused(tmp_path: Path) -> None:
     scene = read_user_scene(_scene(tmp_path))
     with pytest.raises(ValueError, match="preset must not be given beside a scene, got 'open'"):
-        Recipe(preset="open", scene=scene)
-    assert Recipe().preset == "town"
-    recipe = Recipe(scene=scene)
-    assert replace(recipe, scans=3).preset == recipe.preset == "own"
+        SimulationConfig(preset="open", scene=scene)
+    assert SimulationConfig().preset == "town"
+    config = SimulationConfig(scene=scene)
+    assert replace(config, scans=3).preset == config.preset == "own"
     with pytest.raises(ValueError, match=r"preset must be one of town, .*, got 'own'"):
-        Recipe(preset="own")
+        SimulationConfig(preset="own")
 
 
 AHEAD = FromStart(target=Target(kind="wall", position_m=(15.0, 0.0, 0.0), size_m=(2.0, 2.0, 0.2)))
@@ -139,8 +139,8 @@ BESIDE = FromStart(target=Target(kind="sphere", position_m=(12.0, 7.0, 1.5), siz
 
 
 def test_targets_stand_as_seen_from_the_start_of_a_preset_drive() -> None:
-    recipe = Recipe(preset="empty", seed=3, scans=1, targets=(BESIDE,))
-    stage = build_scene(recipe)
+    config = SimulationConfig(preset="empty", seed=3, scans=1, targets=(BESIDE,))
+    stage = build_scene(config)
     (placed,) = stage.town.targets
     x, y, z, yaw = stage.drive.trajectory.pose(np.float64(0.0))
     offset = np.array(placed.target.position_m) - (x, y, z)
@@ -151,18 +151,18 @@ def test_targets_stand_as_seen_from_the_start_of_a_preset_drive() -> None:
 
 
 def test_a_target_on_the_way_is_told() -> None:
-    recipe = Recipe(preset="empty", seed=3, scans=40, targets=(BESIDE, AHEAD))
+    config = SimulationConfig(preset="empty", seed=3, scans=40, targets=(BESIDE, AHEAD))
     with pytest.raises(SceneError, match=r"passes through target 2 \(wall\) \d\.\d s after its start"):
-        build_scene(recipe)
+        build_scene(config)
 
 
-def test_targets_are_part_of_the_recipe_and_movers_come_after_them(tmp_path: Path) -> None:
-    recipe = Recipe(preset="empty", seed=3, scans=1, trace=FEW, targets=(BESIDE,))
-    write_dataset(tmp_path / "set", recipe)
-    told = json.loads((tmp_path / "set" / "echoscape.json").read_text())["recipe"]["targets"]
+def test_targets_are_part_of_the_configuration_and_movers_come_after_them(tmp_path: Path) -> None:
+    config = SimulationConfig(preset="empty", seed=3, scans=1, trace=FEW, targets=(BESIDE,))
+    write_dataset(tmp_path / "set", config)
+    told = json.loads((tmp_path / "set" / "echoscape.json").read_text())["config"]["targets"]
     assert told[0]["target"]["position_m"] == [12.0, 7.0, 1.5]
     movers = (tmp_path / "set" / "movers.csv").read_text().splitlines()[1:]
-    instance = build_scene(recipe).town.targets[0].instance
+    instance = build_scene(config).town.targets[0].instance
     assert all(int(row.split(",")[0]) > instance for row in movers)
     with pytest.raises(DatasetError, match=r"targets had 1 entry, now it has 0"):
-        write_dataset(tmp_path / "set", replace(recipe, targets=()), resume=True)
+        write_dataset(tmp_path / "set", replace(config, targets=()), resume=True)

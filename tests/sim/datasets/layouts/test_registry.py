@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from echoscape.sim.datasets.files.metadata import manifest_text
 from echoscape.sim.datasets.files.navtech_png import write_png
 from echoscape.sim.datasets.scan_folder import ScanFolder, open_folder
-from echoscape.sim.generation.config import Recipe
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
 from echoscape.sim.generation.manifest import manifest
 from echoscape.sim.sensor.cts350x import CTS350X
@@ -28,25 +28,25 @@ CASES = [
 @pytest.fixture(scope="module", params=CASES)
 def made(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[ScanFolder, Recipe, str]:
+) -> tuple[ScanFolder, SimulationConfig, str]:
     radar, layout, expected = request.param
-    recipe = Recipe(
+    config = SimulationConfig(
         preset="open", seed=3, scans=3, sensor=SENSORS[radar], layout=layout, trace=TraceSettings(rays=16)
     )
     out = tmp_path_factory.mktemp("set")
-    write_dataset(out, recipe)
-    return open_folder(out), recipe, expected
+    write_dataset(out, config)
+    return open_folder(out), config, expected
 
 
-def test_dataset_is_read_back_as_what_it_was_made_as(made: tuple[ScanFolder, Recipe, str]) -> None:
-    found, recipe, expected = made
+def test_dataset_is_read_back_as_what_it_was_made_as(made: tuple[ScanFolder, SimulationConfig, str]) -> None:
+    found, config, expected = made
     assert found.simulated
-    assert (found.layout.name, found.sensor, len(found)) == (expected, recipe.sensor, 3)
+    assert (found.layout.name, found.sensor, len(found)) == (expected, config.sensor, 3)
     assert found.range_offset_m == 0
     assert (found.timestamps_us[1:] - found.timestamps_us[:-1]) == pytest.approx(250_000, rel=0.02)
 
 
-def test_scans_and_their_truth_share_a_name(made: tuple[ScanFolder, Recipe, str]) -> None:
+def test_scans_and_their_truth_share_a_name(made: tuple[ScanFolder, SimulationConfig, str]) -> None:
     found = made[0]
     for index, scan in enumerate(found):
         truth = found.truth(index)
@@ -60,7 +60,7 @@ def test_scans_and_their_truth_share_a_name(made: tuple[ScanFolder, Recipe, str]
         assert found.stems[index] == found.layout.stem(scan.timestamp_us)
 
 
-def test_motion_of_the_files_is_that_of_the_truth(made: tuple[ScanFolder, Recipe, str]) -> None:
+def test_motion_of_the_files_is_that_of_the_truth(made: tuple[ScanFolder, SimulationConfig, str]) -> None:
     found = made[0]
     truths = [found.truth(index) for index in range(3)]
     poses = found.poses()
@@ -78,32 +78,32 @@ def test_motion_of_the_files_is_that_of_the_truth(made: tuple[ScanFolder, Recipe
     assert_allclose(np.hypot(motion[:, 0], motion[:, 1]), steps, atol=0.06)
 
 
-def test_resuming_a_whole_dataset_changes_nothing(made: tuple[ScanFolder, Recipe, str]) -> None:
-    found, recipe, _ = made
+def test_resuming_a_whole_dataset_changes_nothing(made: tuple[ScanFolder, SimulationConfig, str]) -> None:
+    found, config, _ = made
     before = {path: path.read_bytes() for path in found.folder.rglob("*") if path.is_file()}
-    write_dataset(found.folder, recipe, resume=True)
+    write_dataset(found.folder, config, resume=True)
     assert {path: path.read_bytes() for path in found.folder.rglob("*") if path.is_file()} == before
 
 
 @pytest.mark.slow
-def test_lost_picture_is_made_again_alike(made: tuple[ScanFolder, Recipe, str]) -> None:
-    found, recipe, _ = made
+def test_lost_picture_is_made_again_alike(made: tuple[ScanFolder, SimulationConfig, str]) -> None:
+    found, config, _ = made
     before = found.paths[1].read_bytes()
     found.paths[1].unlink()
-    write_dataset(found.folder, recipe, resume=True)
+    write_dataset(found.folder, config, resume=True)
     assert found.paths[1].read_bytes() == before
 
 
 def test_unknown_layout_is_refused_by_name() -> None:
     with pytest.raises(ValueError, match="layout must be one of oxford, mulran, boreas, got 'moon'"):
-        replace(Recipe(sensor=CTS350X), layout="moon")
+        replace(SimulationConfig(sensor=CTS350X), layout="moon")
 
 
 def test_folder_of_the_first_format_is_read_as_oxford(tmp_path: Path) -> None:
-    # Recipes knew no layout, and sensors a sign instead of a direction.
-    content = manifest(Recipe(preset="empty", scans=1))
-    del content["recipe"]["layout"], content["recipe"]["sensor"]["chirps"]
-    content["recipe"]["sensor"]["doppler_sign"] = -1
+    # Configurations knew no layout, and sensors a sign instead of a direction.
+    content = manifest(SimulationConfig(preset="empty", scans=1))
+    del content["config"]["layout"], content["config"]["sensor"]["chirps"]
+    content["config"]["sensor"]["doppler_sign"] = -1
     (tmp_path / "echoscape.json").write_text(manifest_text(content))
     (tmp_path / "radar").mkdir()
     write_png(tmp_path / "radar" / f"{START_US}.png", drawn_scan())
