@@ -6,7 +6,7 @@ TOML 1.0 (toml.io) through the standard library; messages name the file, the ent
 import difflib
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import ItemsView, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,10 @@ class Table:
     def __contains__(self, key: str) -> bool:
         self._known.append(key)
         return key in self._content
+
+    def items(self) -> ItemsView[str, Any]:
+        """Return the keys and values as they stand in the file."""
+        return self._content.items()
 
     def fault(self, message: str) -> SceneError:
         """Return the error that tells `message` of this table."""
