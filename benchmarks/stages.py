@@ -24,7 +24,7 @@ from echoscape.sim.datasets.files.truth_npz import write_truth
 from echoscape.sim.datasets.layouts.oxford import write_png
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.echoes import Echoes
-from echoscape.sim.ground_truth.cell_labels import Labeller
+from echoscape.sim.ground_truth.cell_labels import CellLabeller
 from echoscape.sim.raytracing.mitsuba_backend import set_threads
 from echoscape.sim.receiver.if_signal import beat, beat_reference, echo_grid, spectrum
 from echoscape.sim.receiver.quantiser import codes
@@ -68,7 +68,7 @@ def main() -> None:
 def measure(simulator: Simulator, scans: int) -> dict[str, list[float]]:
     """Return the times [s] of each stage of some scans."""
     sensor, artefacts = simulator.sensor, simulator.artefacts
-    labeller = Labeller(sensor, simulator.instance_class)
+    labeller = CellLabeller(sensor, simulator.instance_class)
     times: dict[str, list[float]] = {}
     for index in range(2 * scans):
         warm = index >= scans // 2
@@ -100,7 +100,7 @@ def write(scan: PolarScan, into: Callable[[str], list[float]]) -> None:
 
 def compare(echoes: Echoes, grid: NDArray[np.complex64], times: dict[str, list[float]]) -> None:
     """Time the plain and the fast way from echoes to beat signals on a few rows."""
-    few = echoes.select(echoes.row < REFERENCE_ROWS)
+    few = echoes.select(echoes.azimuth < REFERENCE_ROWS)
     rows = f"({REFERENCE_ROWS} rows)"
     signal = timed(
         lambda: beat_reference(few, CTS350X)[:REFERENCE_ROWS],

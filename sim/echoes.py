@@ -1,4 +1,4 @@
-"""Echoes: what a traced scan hands to the waveform, one entry for each return in each row that hears it."""
+"""Echoes: what ray tracing hands to the receiver, one entry per return path and azimuth that receives it."""
 
 from dataclasses import dataclass, replace
 
@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, kw_only=True)
 class Returns:
-    """What each of R return paths is, whichever rows hear it.
+    """What each of R return paths is, whichever azimuths receive it.
 
-    bounces (R,) uint8: surfaces met out and back (1 direct, 2 loop, 3 mirror ghost or longer loop);
-    instance (R,) uint32: the last of them; material (R,) uint8; moving (R,) bool; surfaces (R, D) uint32:
-    instance ids of the surfaces met on the way out, in order, 0 where there are no more; coherent (R,)
-    bool: a target's phase sum, without speckle.
+    Attributes:
+        bounces: Surfaces met out and back (R,) uint8: 1 direct, 2 loop, 3 mirror ghost or longer loop.
+        instance: Instance id of the last surface (R,) uint32.
+        material: Material id of the last surface (R,) uint8.
+        moving: Whether a surface on the path moves (R,) bool.
+        surfaces: Instance ids of the surfaces on the way out, in order (R, D) uint32; 0 beyond the last.
+        coherent: Whether the return is the phase sum of a target, without speckle (R,) bool.
     """
 
     bounces: NDArray[np.uint8]
@@ -26,29 +29,40 @@ class Returns:
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Whence echoes were traced: the number of the scan, and the seed of its simulator."""
+    """The scan that echoes were traced for.
+
+    Attributes:
+        scan: Number of the scan.
+        seed: Seed of its simulator.
+    """
 
     scan: int
     seed: int
 
     def __str__(self) -> str:
-        """Return it as messages tell it."""
+        """Return scan and seed as messages name them."""
         return f"scan {self.scan} and seed {self.seed}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Echoes:
-    """E echoes, ordered by return and row, the same for any number of threads.
+    """The E echoes of a scan, ordered by return and azimuth, the same for any number of threads.
 
-    row (E,) int32; range_m (E,) float64: half the path, Doppler shift included [m]; amplitude (E,) complex64
-    [sqrt(W)], speckle and carrier phase included; mean_power (E,) float32: its mean over speckle [W];
-    source (E,) uint32: index into `returns`; sidelobe (E,) bool: outside the beam's main lobe;
-    closing_mps (E,) float32: radial speed, positive when approaching [m/s].
-    Per row, `first_m` (A,) float32: distance of the first thing in the beam that is no ground [m], inf if
-    none. origin: None where they were made by hand.
+    Attributes:
+        azimuth: Number of the azimuth that receives the echo (E,) int32.
+        range_m: Half the path length, Doppler shift included (E,) float64 [m].
+        amplitude: Amplitude with speckle and carrier phase (E,) complex64 [sqrt(W)].
+        mean_power: Mean power over speckle (E,) float32 [W].
+        source: Index into `returns` (E,) uint32.
+        sidelobe: Whether the echo is received outside the main lobe (E,) bool.
+        closing_mps: Radial speed, positive when approaching (E,) float32 [m/s].
+        returns: The return paths.
+        first_m: Distance of the first object in the beam that is not ground (azimuths,) float32 [m], inf
+            where there is none.
+        origin: The scan that they were traced for; None where they were not traced.
     """
 
-    row: NDArray[np.int32]
+    azimuth: NDArray[np.int32]
     range_m: NDArray[np.float64]
     amplitude: NDArray[np.complex64]
     mean_power: NDArray[np.float32]
@@ -61,45 +75,63 @@ class Echoes:
 
     def __len__(self) -> int:
         """Return the number of echoes."""
-        return len(self.row)
+        return len(self.azimuth)
 
     @property
     def bounces(self) -> NDArray[np.uint8]:
-        """Bounce order (E,) of each echo."""
+        """Bounce order of each echo (E,)."""
         return self.returns.bounces[self.source]
 
     @property
     def instance(self) -> NDArray[np.uint32]:
-        """Instance id (E,) of the last thing that each echo met."""
+        """Instance id of the last object that each echo met (E,)."""
         return self.returns.instance[self.source]
 
     @property
     def moving(self) -> NDArray[np.bool_]:
-        """Whether each echo's thing (E,) moves."""
+        """Whether an object on the path of each echo moves (E,)."""
         return self.returns.moving[self.source]
 
     def select(self, keep: NDArray[np.bool_]) -> "Echoes":
-        """Return the echoes where `keep` (E,) is true."""
-        return replace(self, **{name: getattr(self, name)[keep] for name in _BY_ECHO})
+        """Return some of the echoes.
+
+        Args:
+            keep: Which to keep (E,) bool.
+
+        Returns:
+            The echoes where `keep` is true, with all return paths.
+        """
+        return replace(self, **{name: getattr(self, name)[keep] for name in _PER_ECHO})
 
     def scaled(self, power_gain: NDArray[np.float64]) -> "Echoes":
-        """Return the echoes with their power changed by factors (E,)."""
+        """Return the echoes with their power changed.
+
+        Args:
+            power_gain: Factor on the power of each echo (E,) float64 [W/W].
+
+        Returns:
+            The same echoes with other amplitudes and mean powers.
+        """
         gain = power_gain.astype(np.float32)
         return replace(self, amplitude=self.amplitude * np.sqrt(gain), mean_power=self.mean_power * gain)
 
 
-_BY_ECHO = ("row", "range_m", "amplitude", "mean_power", "source", "sidelobe", "closing_mps")
+_PER_ECHO = ("azimuth", "range_m", "amplitude", "mean_power", "source", "sidelobe", "closing_mps")
 
 
-def point_echoes(
-    *,
-    row: NDArray,
-    range_m: NDArray,
-    amplitude: NDArray,
-    azimuths: int,
-) -> Echoes:
-    """Return one echo for each row (E,), range (E,) [m] and complex amplitude (E,) [sqrt(W)] given."""
-    count = len(row)
+def point_echoes(*, azimuth: NDArray, range_m: NDArray, amplitude: NDArray, azimuths: int) -> Echoes:
+    """Return echoes of point reflectors, each received in one azimuth.
+
+    Args:
+        azimuth: Number of the azimuth of each echo (E,).
+        range_m: Range of each echo (E,) [m].
+        amplitude: Complex amplitude of each echo (E,) [sqrt(W)].
+        azimuths: Number of azimuths of the scan.
+
+    Returns:
+        The echoes, direct, coherent and at rest.
+    """
+    count = len(azimuth)
     returns = Returns(
         bounces=np.ones(count, np.uint8),
         instance=np.zeros(count, np.uint32),
@@ -110,7 +142,7 @@ def point_echoes(
     )
     amplitude = np.asarray(amplitude, np.complex64)
     return Echoes(
-        row=np.asarray(row, np.int32),
+        azimuth=np.asarray(azimuth, np.int32),
         range_m=np.asarray(range_m, np.float64),
         amplitude=amplitude,
         mean_power=np.abs(amplitude) ** 2,

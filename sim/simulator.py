@@ -15,11 +15,11 @@ from echoscape.sim.datasets.polar_scan import EPOCH_US, PolarScan, ScanTruth
 from echoscape.sim.echoes import Echoes, Origin
 from echoscape.sim.effects.echo_filter import EchoFilter, selection
 from echoscape.sim.effects.echo_scaling import changed, speckled_grid
-from echoscape.sim.effects.interference import HEARD_M, other_radars
+from echoscape.sim.effects.interference import INTERFERER_REACH_M, other_radars
 from echoscape.sim.effects.rain import rain_grid, rain_power_w
-from echoscape.sim.ground_truth.cell_labels import Labeller, mover_boxes
+from echoscape.sim.ground_truth.cell_labels import CellLabeller, mover_boxes
 from echoscape.sim.ground_truth.dominant_echo import DominantEchoIndex
-from echoscape.sim.kinematics.rolling_scan import Turn
+from echoscape.sim.kinematics.rolling_scan import Revolution
 from echoscape.sim.kinematics.timeline import HasTrajectory, Timeline
 from echoscape.sim.raytracing.intersection import RayScene
 from echoscape.sim.raytracing.mitsuba_scene import MitsubaScene, instance_classes
@@ -88,18 +88,18 @@ class Simulator:
             seed=seed,
             surfaces=surfaces,
         )
-        self._labeller = Labeller(sensor, self.instance_class)
+        self._labeller = CellLabeller(sensor, self.instance_class)
 
     def _rng(self, scan: int, stage: str) -> np.random.Generator:
         return np.random.default_rng(np.random.SeedSequence([self._seed, scan, _STAGES[stage]]))
 
-    def turn(self, index: int) -> Turn:
+    def revolution(self, index: int) -> Revolution:
         """Return the times of scan `index`.
 
         Raises:
             ValueError: `index` is negative.
         """
-        return self._timeline.turn(index)
+        return self._timeline.revolution(index)
 
     def echoes(self, index: int) -> Echoes:
         """Trace scan `index` and return its echoes as the artefacts leave them, before the receiver."""
@@ -107,7 +107,10 @@ class Simulator:
 
     def _traced(self, index: int, artefacts: Artefacts) -> Echoes:
         """Return the echoes of scan `index` as physics has them, of the paths that `artefacts` lets be."""
-        poses, states = self._timeline.poses(index, artefacts), self._timeline.states(index, artefacts)
+        poses, states = (
+            self._timeline.poses(self.revolution(index), artefacts),
+            self._timeline.movers(self.revolution(index), artefacts),
+        )
         echoes = self._tracer.trace(poses, states, ghosts=artefacts.ghosts > 0)
         return replace(echoes, origin=Origin(scan=index, seed=self._seed))
 
@@ -173,7 +176,10 @@ class Simulator:
         grid = speckled_grid(strongest.echoes, self.sensor, speckle=artefacts.speckle)
         if not artefacts.rain:
             return ReceiverInput(strongest=strongest, front_end=FrontEnd(grid, self.sensor, draws))
-        poses, states = self._timeline.poses(index, artefacts), self._timeline.states(index, artefacts)
+        poses, states = (
+            self._timeline.poses(self.revolution(index), artefacts),
+            self._timeline.movers(self.revolution(index), artefacts),
+        )
         edges_m = np.arange(self.sensor.fft_size // 2, dtype=np.float64) * self.sensor.bin_m
         clear = self._tracer.clear_share(poses, states, edges_m)
         rain_w = rain_power_w(self.sensor, self._tracer.antenna, rate_mm_h=artefacts.rain, clear=clear)
@@ -190,7 +196,7 @@ class Simulator:
         truth: bool = True,
     ) -> PolarScan:
         """Return what the receiver makes of what arrives."""
-        turn, sensor = self.turn(index), self.sensor
+        turn, sensor = self.revolution(index), self.sensor
         made = received(
             arriving.front_end,
             sensor,
@@ -213,7 +219,7 @@ class Simulator:
 
     def _truth(self, index: int, arriving: ReceiverInput, made: Received, artefacts: Artefacts) -> ScanTruth:
         """Return what is known of a scan because it was made."""
-        turn = self.turn(index)
+        turn = self.revolution(index)
         middle = turn.middle_s
         return ScanTruth(
             cells=self._labeller.label(arriving.strongest, made, artefacts, rain_w=arriving.rain_w),
@@ -222,21 +228,21 @@ class Simulator:
             middle_us=EPOCH_US + round(middle * 1e6),
             saturated=made.saturated,
             first_m=arriving.strongest.echoes.first_m,
-            boxes=mover_boxes(self._timeline.states(index, artefacts)),
+            boxes=mover_boxes(self._timeline.movers(self.revolution(index), artefacts)),
         )
 
     def _others(self, index: int, artefacts: Artefacts) -> NDArray[np.float32] | None:
         """Return what other cars' radars add to the beat signals, None where they are silent."""
         if not artefacts.interference:
             return None
-        states = self._timeline.states(index, artefacts, reach_m=HEARD_M)
+        states = self._timeline.movers(self.revolution(index), artefacts, reach_m=INTERFERER_REACH_M)
         return other_radars(
             RayScene(self._scene, states, self.sensor.azimuths),
             states,
-            self._timeline.poses(index, artefacts),
+            self._timeline.poses(self.revolution(index), artefacts),
             self.sensor,
             self._tracer.antenna,
-            times_s=self.turn(index).times_s,
+            times_s=self.revolution(index).times_s,
             eirp_w=artefacts.interference,
             rain_mm_h=artefacts.rain,
             seed=self._seed,

@@ -34,13 +34,13 @@ def changed(echoes: Echoes, artefacts: Artefacts, sensor: Sensor) -> Echoes:
     strengths = artefacts.strengths(sensor)
     if strengths.doppler != sensor.doppler_beta_s:
         more = strengths.doppler / sensor.doppler_beta_s - 1
-        shift_s = sensor.doppler_shift_s[echoes.row] * more
+        shift_s = sensor.doppler_shift_s[echoes.azimuth] * more
         echoes = replace(echoes, range_m=echoes.range_m + echoes.closing_mps * shift_s)
     gain = _power_gain(echoes, strengths)
     if gain is not None:
         echoes = echoes.select(gain > 0).scaled(gain[gain > 0])
     if sensor.row_loss_db.any():
-        echoes = echoes.scaled(power_ratio(-sensor.row_loss_db)[echoes.row])
+        echoes = echoes.scaled(power_ratio(-sensor.row_loss_db)[echoes.azimuth])
     if strengths.rain:
         echoes = echoes.scaled(rain_gain(echoes.range_m, strengths.rain, sensor) ** 2)
     return echoes
@@ -79,7 +79,7 @@ def even_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.float32]:
     """
     bins = sensor.fft_size // 2
     place = np.clip(np.rint(grid_place(echoes.range_m, sensor)), 0, bins - 1).astype(np.int64)
-    power = np.bincount(echoes.row * np.int64(bins) + place, echoes.mean_power, sensor.azimuths * bins)
+    power = np.bincount(echoes.azimuth * np.int64(bins) + place, echoes.mean_power, sensor.azimuths * bins)
     power = power.astype(np.float64, copy=False).reshape(sensor.azimuths, bins)
     grid = np.sqrt(power).astype(np.float32)
     for rows in row_blocks(sensor.azimuths):

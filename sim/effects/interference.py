@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.fft import fftfreq, next_fast_len
 
 from echoscape.sim.effects.rain import rain_gain
-from echoscape.sim.kinematics.rolling_scan import MoverStates, RowPoses
+from echoscape.sim.kinematics.rolling_scan import AzimuthPoses, MoverStates
 from echoscape.sim.numerics.fft import ifft
 from echoscape.sim.raytracing.intersection import RayScene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
@@ -24,7 +24,7 @@ from echoscape.sim.sensor.sensor import Sensor
 
 RADAR_STAGE, PHASE_STAGE = 304, 305
 """Numbers of the stages that draw each car's radar, and the phases of its chirps in a scan."""
-HEARD_M = 500.0
+INTERFERER_REACH_M = 500.0
 """How far away other radars are looked for: one way, power falls with 1/R^2 only [m]."""
 _WITH_RADAR = ("car", "van", "truck", "bus")
 _BUMPER_HEIGHT_M = 0.5
@@ -116,7 +116,7 @@ def interference(
 def other_radars(
     world: RayScene,
     states: MoverStates,
-    poses: RowPoses,
+    poses: AzimuthPoses,
     sensor: Sensor,
     antenna: Antenna,
     *,
@@ -158,7 +158,7 @@ def _bumper(state: NDArray[np.float64], length_m: float) -> NDArray[np.float64]:
 def received_share(
     place: NDArray[np.float64],
     yaw: NDArray[np.float64],
-    poses: RowPoses,
+    poses: AzimuthPoses,
     sensor: Sensor,
     antenna: Antenna,
 ) -> NDArray[np.float64]:
@@ -181,7 +181,7 @@ def received_share(
     return sent * gain * (sensor.wavelength_m / (4 * math.pi * range_m)) ** 2 / loss
 
 
-def _in_sight(world: RayScene, place: NDArray[np.float64], poses: RowPoses) -> NDArray[np.bool_]:
+def _in_sight(world: RayScene, place: NDArray[np.float64], poses: AzimuthPoses) -> NDArray[np.bool_]:
     """Return whether nothing stands between a vehicle's radar and the antenna in each row (A,)."""
     away = poses.position - place
     length = np.linalg.norm(away, axis=1)

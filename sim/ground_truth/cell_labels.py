@@ -53,7 +53,7 @@ def _spread_shape(sensor: Sensor, floor: float) -> NDArray[np.float32]:
     return power[: last + 1].astype(np.float32)
 
 
-class Labeller:
+class CellLabeller:
     """Names the cells of a sensor's scans; holds what does not change from scan to scan."""
 
     def __init__(self, sensor: Sensor, instance_class: NDArray[np.uint8]) -> None:

@@ -59,7 +59,7 @@ class DominantEchoIndex:
         np.clip(place, 0, self._steps - 1, out=place)
         ghost = (echoes.returns.bounces > 1).astype(np.int32)[echoes.source]
         kind = np.where(echoes.sidelobe, np.int32(2), ghost)
-        number = (echoes.row * np.int32(self._steps) + place) * np.int32(kinds) + kind
+        number = (echoes.azimuth * np.int32(self._steps) + place) * np.int32(kinds) + kind
         power = np.square(echoes.amplitude.real) + np.square(echoes.amplitude.imag)
         size = self._cells * kinds
         total = mi.Float(np.bincount(number, power, size).astype(np.float32))

@@ -1,7 +1,8 @@
-"""When each row is taken and where the radar and the movers are then: the rolling scan.
+"""When each azimuth of a scan is measured, and where the antenna and the moving objects are then.
 
-Vehicle and radar share a heading; azimuth grows clockwise from straight ahead, so in the world (z up, yaw
-counter-clockwise) row i looks along yaw - 2 pi i / azimuths. A row's time is the middle of its sweep.
+Vehicle and radar share a heading. Azimuth grows clockwise from straight ahead, so in the world (z up, yaw
+counter-clockwise) azimuth i looks along yaw - 2 pi i / azimuths. The time of an azimuth is the middle of its
+sweep.
 """
 
 import math
@@ -15,84 +16,129 @@ from echoscape.scenes.core.scene import Mover
 from echoscape.scenes.core.trajectory import Trajectory
 from echoscape.sim.sensor.sensor import Sensor
 
+LONGEST_DEVIATION = 2.5
+"""Standard deviations of the duration of a revolution at which its distribution is cut off."""
+
 
 @dataclass(frozen=True, kw_only=True)
-class Turn:
-    """The times of one scan: `start_s` of its first row, `row_s` from row to row [s], `azimuths` rows."""
+class Revolution:
+    """The times of one scan, which is one revolution of the antenna.
+
+    Attributes:
+        start_s: Time of the first azimuth [s].
+        azimuth_period_s: Time from one azimuth to the next [s].
+        azimuths: Number of azimuths.
+    """
 
     start_s: float
-    row_s: float
+    azimuth_period_s: float
     azimuths: int
 
     @property
     def times_s(self) -> NDArray[np.float64]:
-        """Times (azimuths,) of the rows [s]."""
-        return self.start_s + self.row_s * np.arange(self.azimuths, dtype=np.float64)
+        """Times of the azimuths (azimuths,) [s]."""
+        return self.start_s + self.azimuth_period_s * np.arange(self.azimuths, dtype=np.float64)
 
     @property
     def middle_s(self) -> float:
-        """The time that the scan's pose refers to: half way between its first and its last row [s]."""
-        return self.start_s + self.row_s * (self.azimuths - 1) / 2
+        """Time that the pose of the scan refers to: half way between first and last azimuth [s]."""
+        return self.start_s + self.azimuth_period_s * (self.azimuths - 1) / 2
 
 
-def turns(sensor: Sensor, *, scans: int, rng: np.random.Generator) -> list[Turn]:
-    """Return the times of `scans` successive scans from 0 s; each turn's duration is drawn by itself.
+def revolutions(sensor: Sensor, *, scans: int, rng: np.random.Generator) -> list[Revolution]:
+    """Draw the times of successive scans, the first of which starts at 0 s.
 
-    The first n of them do not depend on how many are asked for.
+    The duration of each revolution is drawn independently. The first n scans do not depend on `scans`.
+
+    Args:
+        sensor: The radar, which gives the mean and the standard deviation of the duration.
+        scans: Number of scans.
+        rng: Draws the durations.
+
+    Returns:
+        The revolutions, in order.
     """
     nominal = 1 / sensor.rotation_hz
-    draws = np.clip(rng.standard_normal(scans), -2.5, 2.5) * sensor.rotation_jitter_s
-    durations = nominal + draws
+    draws = np.clip(rng.standard_normal(scans), -LONGEST_DEVIATION, LONGEST_DEVIATION)
+    durations = nominal + draws * sensor.rotation_jitter_s
     starts = np.append(0.0, np.cumsum(durations)[:-1])
     return [
-        Turn(start_s=float(start), row_s=float(duration) / sensor.azimuths, azimuths=sensor.azimuths)
+        Revolution(
+            start_s=float(start),
+            azimuth_period_s=float(duration) / sensor.azimuths,
+            azimuths=sensor.azimuths,
+        )
         for start, duration in zip(starts, durations, strict=True)
     ]
 
 
 @dataclass(frozen=True, kw_only=True)
-class RowPoses:
-    """The radar at each row.
+class AzimuthPoses:
+    """The motion of the antenna through one scan, in the world frame.
 
-    position (A, 3) [m], yaw (A,) [rad], velocity (A, 3) [m/s] of the antenna in the world, float64; row_s:
-    time from row to row, 0 where all rows stand for mid-scan [s].
+    Attributes:
+        position: Position at each azimuth (A, 3) float64 [m].
+        yaw: Heading of the vehicle at each azimuth (A,) float64 [rad].
+        velocity: Velocity at each azimuth (A, 3) float64 [m/s].
+        azimuth_period_s: Time from one azimuth to the next [s], 0 where all stand for mid-scan.
     """
 
     position: NDArray[np.float64]
     yaw: NDArray[np.float64]
     velocity: NDArray[np.float64]
-    row_s: float
+    azimuth_period_s: float
 
 
-def spread_times(turn: Turn, share: float) -> NDArray[np.float64]:
-    """Return the times (azimuths,) of the rows [s], drawn together to a share of the turn."""
-    if share == 1:
-        return turn.times_s
-    return turn.middle_s + share * (turn.times_s - turn.middle_s)
+def sweep_times(revolution: Revolution, distortion: float) -> NDArray[np.float64]:
+    """Return the times at which the azimuths are measured, contracted towards mid-scan.
 
+    Args:
+        revolution: The times of the scan.
+        distortion: Share of the duration of the scan over which the azimuths spread, 0 to 1.
 
-def row_poses(track: Trajectory, turn: Turn, *, height_m: float, distortion: float = 1.0) -> RowPoses:
-    """Return the antenna's motion through one scan; without `distortion` it stands at its mid-scan pose.
-
-    `distortion` is the share of the turn's time over which the rows spread.
-
-    The velocity stays when the distortion is switched off, so that the Doppler shift does.
+    Returns:
+        Times (azimuths,) [s].
     """
-    times = spread_times(turn, distortion)
+    if distortion == 1:
+        return revolution.times_s
+    return revolution.middle_s + distortion * (revolution.times_s - revolution.middle_s)
+
+
+def azimuth_poses(
+    track: Trajectory, revolution: Revolution, *, height_m: float, distortion: float = 1.0
+) -> AzimuthPoses:
+    """Return the motion of the antenna through one scan.
+
+    The velocity stays when `distortion` is 0, and with it the Doppler shift.
+
+    Args:
+        track: Motion of the vehicle.
+        revolution: The times of the scan.
+        height_m: Height of the antenna above the road [m].
+        distortion: Share of the duration of the scan over which the azimuths spread; at 0 the antenna keeps
+            its mid-scan pose.
+
+    Returns:
+        Position, yaw and velocity of the antenna at each azimuth.
+    """
+    times = sweep_times(revolution, distortion)
     pose = track.pose(times)
-    return RowPoses(
+    return AzimuthPoses(
         position=pose[:, :3] + [0.0, 0.0, height_m],
         yaw=pose[:, 3],
         velocity=track.velocity(times)[:, :3],
-        row_s=turn.row_s * distortion,
+        azimuth_period_s=revolution.azimuth_period_s * distortion,
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class MoverStates:
-    """The movers that a scan may see, at each of its rows.
+    """The moving objects near the radar, at each azimuth of a scan.
 
-    movers: M of them; state (M, A, 4) x, y, z [m], yaw [rad]; rate (M, A, 4) its time derivative, float64.
+    Attributes:
+        movers: The M objects.
+        state: x, y, z [m] and yaw [rad] of each at each azimuth (M, A, 4) float64.
+        rate: Time derivative of `state` (M, A, 4) float64 [m/s, rad/s].
     """
 
     movers: tuple[Mover, ...]
@@ -101,16 +147,32 @@ class MoverStates:
 
 
 def mover_states(
-    movers: Sequence[Mover], turn: Turn, *, near: NDArray[np.float64], reach_m: float, distortion: float = 1.0
+    movers: Sequence[Mover],
+    revolution: Revolution,
+    *,
+    near: NDArray[np.float64],
+    reach_m: float,
+    distortion: float = 1.0,
 ) -> MoverStates:
-    """Return the states of the movers within `reach_m` of the point `near` (2 or more,) [m] at mid-scan."""
+    """Return the states of the moving objects that are near a point at mid-scan.
+
+    Args:
+        movers: All moving objects.
+        revolution: The times of the scan.
+        near: The point (2 or more,), of which x and y count [m].
+        reach_m: Largest horizontal distance from the point [m].
+        distortion: Share of the duration of the scan over which the azimuths spread.
+
+    Returns:
+        The objects within `reach_m` and their states, in the order of `movers`.
+    """
     close = [
         mover
         for mover in movers
-        if math.dist(mover.track.pose(np.float64(turn.middle_s))[:2], near[:2]) <= reach_m
+        if math.dist(mover.track.pose(np.float64(revolution.middle_s))[:2], near[:2]) <= reach_m
     ]
-    times = spread_times(turn, distortion)
-    shape = (len(close), turn.azimuths, 4)
+    times = sweep_times(revolution, distortion)
+    shape = (len(close), revolution.azimuths, 4)
     return MoverStates(
         movers=tuple(close),
         state=np.array([mover.track.pose(times) for mover in close]).reshape(shape),

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.kinematics.rolling_scan import RowPoses
+from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
 from echoscape.sim.numerics.decibels import power_ratio
 from echoscape.sim.raytracing.bounces import ReturnPaths, picked
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
@@ -63,13 +63,13 @@ class BeamWeighting:
         level = power_ratio(np.arange(_LEVELS) * _LEVEL_DB)
         return np.array([np.flatnonzero(gain * each >= 1).max(initial=0) for each in level])
 
-    def place(self, poses: RowPoses) -> None:
+    def place(self, poses: AzimuthPoses) -> None:
         """Take the antenna's poses of a scan."""
         self._position = mi.Float64(poses.position.ravel())
         self._velocity = mi.Float(poses.velocity.astype(np.float32).ravel())
         self._yaw = mi.Float(((poses.yaw + math.pi) % (2 * math.pi) - math.pi).astype(np.float32))
         # The time between two rows enters only through the movers' own motion.
-        self._row_s = dr.opaque(mi.Float, poses.row_s)
+        self._row_s = dr.opaque(mi.Float, poses.azimuth_period_s)
 
     def _aside(self, towards: "mi.Vector3f", row: "mi.UInt32") -> "mi.Float":
         """Return how far directions (N) lie to the right of a row's beam, -0.5 to 0.5 [turns]."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.kinematics.rolling_scan import RowPoses
+from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
 from echoscape.sim.raytracing.bounces import RayBatch
 from echoscape.sim.raytracing.intersection import Hits
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
@@ -162,7 +162,7 @@ class PrimaryRays:
         low, high = map(math.radians, _BEAM_DEG)
         self._in_beam = (elevation > low) & (elevation < high)
 
-    def rays(self, poses: RowPoses) -> RayBatch:
+    def rays(self, poses: AzimuthPoses) -> RayBatch:
         """Point the directions along each row's heading from each row's place."""
         row = self._row
         cosine = dr.gather(mi.Float64, mi.Float64(np.cos(poses.yaw)), row)

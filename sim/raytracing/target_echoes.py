@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.materials import MATERIAL_NAMES, MATERIALS
 from echoscape.scenes.core.targets import PlacedTarget, Target
 from echoscape.sim.echoes import Returns
-from echoscape.sim.kinematics.rolling_scan import RowPoses
+from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
 from echoscape.sim.raytracing.beam_weighting import MAIN_ROWS, BeamEchoes
 from echoscape.sim.raytracing.intersection import RayScene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
@@ -78,7 +78,7 @@ class TargetEchoes:
         """Instance ids of the targets."""
         return [each.instance for each in self._placed]
 
-    def hear(self, world: RayScene, poses: RowPoses) -> tuple[Returns, BeamEchoes] | None:
+    def hear(self, world: RayScene, poses: AzimuthPoses) -> tuple[Returns, BeamEchoes] | None:
         """Return what the targets send back to the antenna at `poses`, None where nothing is heard."""
         parts = [
             self._rows(placed.target, number, world, poses) for number, placed in enumerate(self._placed)
@@ -101,7 +101,7 @@ class TargetEchoes:
         names = [field.name for field in fields(BeamEchoes)]
         return returns, BeamEchoes(**{k: np.concatenate([getattr(each, k) for each in heard]) for k in names})
 
-    def _view(self, target: Target, poses: RowPoses) -> _View:
+    def _view(self, target: Target, poses: AzimuthPoses) -> _View:
         away = np.array(target.position_m) - poses.position
         range_m = np.maximum(np.linalg.norm(away, axis=1), 1e-3)
         beam = poses.yaw - self._spacing * np.arange(self._sensor.azimuths)
@@ -109,7 +109,7 @@ class TargetEchoes:
         closing = np.einsum("ak,ak->a", poses.velocity, away) / range_m
         return _View(range_m=range_m, offset_rad=offset, closing_mps=closing)
 
-    def _rows(self, target: Target, number: int, world: RayScene, poses: RowPoses) -> list[BeamEchoes]:
+    def _rows(self, target: Target, number: int, world: RayScene, poses: AzimuthPoses) -> list[BeamEchoes]:
         """Return what each row hears of one target."""
         view = self._view(target, poses)
         beyond = np.abs(view.offset_rad) - np.arctan(target.reach_m / view.range_m)
@@ -129,9 +129,9 @@ class TargetEchoes:
                 gain = math.sqrt(self._azimuth_gain(view.offset_rad[side]))
                 dimmed = replace(plain, amplitude=plain.amplitude * gain)
                 heard.append(self._heard(dimmed, number, view, knot, side, sidelobe=True))
-        return [each for each in heard if len(each.row)]
+        return [each for each in heard if len(each.azimuth)]
 
-    def _changed(self, target: Target, view: _View, poses: RowPoses, knot: int, row: int) -> bool:
+    def _changed(self, target: Target, view: _View, poses: AzimuthPoses, knot: int, row: int) -> bool:
         """Whether the radar moved so far between two rows that the phases over the target are others."""
         moved = float(np.linalg.norm(poses.position[row] - poses.position[knot]))
         cycles = 2 * moved * target.reach_m / (view.range_m[row] * self._sensor.wavelength_m)
@@ -151,7 +151,7 @@ class TargetEchoes:
             amplitude=paths.amplitude[~hidden],
         )
 
-    def _slices(self, paths: Aperture, poses: RowPoses, row: int, *, azimuth: bool) -> _Slices:
+    def _slices(self, paths: Aperture, poses: AzimuthPoses, row: int, *, azimuth: bool) -> _Slices:
         """Return the sum over paths by range in a row; without `azimuth`, as if it looked straight there."""
         gain = self._amplitude_gain(paths.first, poses, row, azimuth=azimuth)
         back = gain if paths.last is paths.first else None
@@ -166,7 +166,7 @@ class TargetEchoes:
         )
 
     def _amplitude_gain(
-        self, place: Vectors, poses: RowPoses, row: int, *, azimuth: bool
+        self, place: Vectors, poses: AzimuthPoses, row: int, *, azimuth: bool
     ) -> NDArray[np.float64]:
         """Return the one-way amplitude gain (S,) of a row towards places (S, 3) [m], peak about 1."""
         away = place - poses.position[row]

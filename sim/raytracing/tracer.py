@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.scene import CLASSES
 from echoscape.scenes.core.targets import PlacedTarget
 from echoscape.sim.echoes import Echoes, Returns
-from echoscape.sim.kinematics.rolling_scan import MoverStates, RowPoses
+from echoscape.sim.kinematics.rolling_scan import AzimuthPoses, MoverStates
 from echoscape.sim.raytracing.beam_weighting import BeamEchoes, BeamWeighting
 from echoscape.sim.raytracing.bounces import BounceSampler, RayBatch, ReturnPaths, picked
 from echoscape.sim.raytracing.intersection import Hits, RayScene
@@ -82,7 +82,7 @@ class Tracer:
         coherent = np.isin(np.arange(len(instance_class)), self._targets.instances)
         self._coherent = mi.Bool(coherent)
 
-    def trace(self, poses: RowPoses, states: MoverStates, *, ghosts: bool = True) -> Echoes:
+    def trace(self, poses: AzimuthPoses, states: MoverStates, *, ghosts: bool = True) -> Echoes:
         """Return the echoes of one scan for the antenna at `poses` and the movers at `states`.
 
         Without `ghosts` only direct echoes are looked for; they are the same as with them.
@@ -120,7 +120,7 @@ class Tracer:
         return _gathered([*parts, targets] if targets else parts, first_m)
 
     def clear_share(
-        self, poses: RowPoses, states: MoverStates, edges_m: NDArray[np.float64]
+        self, poses: AzimuthPoses, states: MoverStates, edges_m: NDArray[np.float64]
     ) -> NDArray[np.float32]:
         """Return the share of each row's two-way beam that reaches ranges (azimuths, len(edges_m)).
 
@@ -137,7 +137,7 @@ class Tracer:
         return hits
 
     def _loops(
-        self, world: RayScene, rays: RayBatch, hits: Hits, poses: RowPoses, *, depth: int
+        self, world: RayScene, rays: RayBatch, hits: Hits, poses: AzimuthPoses, *, depth: int
     ) -> ReturnPaths | None:
         """Return the loop returns of hits that would be heard and that see the radar, None without any."""
         sensor = mi.Point3d(dr.gather(mi.Vector3d, mi.Float64(poses.position.ravel()), rays.row))
@@ -219,7 +219,7 @@ def _gathered(heard: Sequence[tuple[Returns, BeamEchoes]], first_m: NDArray[np.f
         coherent=_joined([each.coherent for each, _ in heard], np.bool_),
     )
     return Echoes(
-        row=_joined([part.row for _, part in heard], np.int32),
+        azimuth=_joined([part.row for _, part in heard], np.int32),
         range_m=_joined([part.range_m for _, part in heard], np.float64),
         amplitude=_joined([part.amplitude for _, part in heard], np.complex64),
         mean_power=_joined([part.mean_power for _, part in heard], np.float32),

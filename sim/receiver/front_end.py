@@ -58,7 +58,7 @@ def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
     phase = -4 * math.pi * range_m / sensor.wavelength_m
     amplitude = np.sqrt(power_ratio(level_dbm - 30)) * np.exp(1j * phase)
     echoes = point_echoes(
-        row=np.zeros(len(range_m)), range_m=range_m, amplitude=amplitude, azimuths=sensor.azimuths
+        azimuth=np.zeros(len(range_m)), range_m=range_m, amplitude=amplitude, azimuths=sensor.azimuths
     )
     return echo_grid(echoes, sensor, rows=1)
 

@@ -44,7 +44,7 @@ def echo_grid(echoes: Echoes, sensor: Sensor, *, rows: int | None = None) -> NDA
     place = np.clip(grid_place(echoes.range_m, sensor), 0, bins - 1.001)
     cell = place.astype(np.int64)
     fraction = (place - cell).astype(np.float32)
-    index = echoes.row * np.int64(bins) + cell
+    index = echoes.azimuth * np.int64(bins) + cell
     rows = sensor.azimuths if rows is None else rows
     size = rows * bins
     grid = np.empty((rows, bins), np.complex64)
@@ -108,7 +108,7 @@ def beat_reference(echoes: Echoes, sensor: Sensor) -> NDArray[np.float64]:
     signal = np.zeros((sensor.azimuths, sensor.samples))
     cycles = sample_times(sensor) / sensor.fft_size
     places = grid_place(echoes.range_m, sensor)
-    for row, place, amplitude in zip(echoes.row, places, echoes.amplitude, strict=True):
+    for row, place, amplitude in zip(echoes.azimuth, places, echoes.amplitude, strict=True):
         signal[row] += math.sqrt(2) * (complex(amplitude) * np.exp(2j * np.pi * place * cycles)).real
     return signal * sweep_ripple(sensor)
 

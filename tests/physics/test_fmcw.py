@@ -29,7 +29,7 @@ Window = Literal["hann", "hamming", "blackman", "boxcar"]
 def sweep(range_m: float | np.floating, sensor: Sensor) -> NDArray[np.float32]:
     """The beat signal (1, samples) of an echo of 1 W."""
     echo = point_echoes(
-        row=np.zeros(1), range_m=np.array([range_m]), amplitude=np.ones(1), azimuths=sensor.azimuths
+        azimuth=np.zeros(1), range_m=np.array([range_m]), amplitude=np.ones(1), azimuths=sensor.azimuths
     )
     return beat(echo_grid(echo, sensor), sensor)
 

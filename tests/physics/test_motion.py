@@ -47,8 +47,8 @@ def echoes(simulator: Simulator) -> Echoes:
 def mean_range(echoes: Echoes, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     """Mean range (R,) of each row's echoes by their power, free of speckle [m]."""
     near = ~echoes.sidelobe
-    power = np.bincount(echoes.row[near], echoes.mean_power[near], 400)
-    moment = np.bincount(echoes.row[near], echoes.mean_power[near] * echoes.range_m[near], 400)
+    power = np.bincount(echoes.azimuth[near], echoes.mean_power[near], 400)
+    moment = np.bincount(echoes.azimuth[near], echoes.mean_power[near] * echoes.range_m[near], 400)
     return moment[rows] / power[rows]
 
 

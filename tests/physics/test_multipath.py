@@ -42,7 +42,7 @@ def yard() -> Echoes:
 def mean_place(echoes: Echoes, mine: np.ndarray) -> tuple[float, float]:
     """Range [m] and azimuth [deg] of echoes, weighted by power."""
     weight = echoes.mean_power[mine]
-    rows = (echoes.row[mine] + 200) % 400 - 200
+    rows = (echoes.azimuth[mine] + 200) % 400 - 200
     return float(np.average(echoes.range_m[mine], weights=weight)), ROW_DEG * float(
         np.average(rows, weights=weight)
     )

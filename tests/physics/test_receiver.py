@@ -26,7 +26,7 @@ CLEAN = Artefacts(thermal_noise=False, leakage=False, phase_noise=False, saturat
 def grid(range_m: list[float], power_w: list[float], azimuths: int) -> NDArray[np.complex64]:
     """Echoes that are the same in every row."""
     echoes = point_echoes(
-        row=np.repeat(np.arange(azimuths), len(range_m)),
+        azimuth=np.repeat(np.arange(azimuths), len(range_m)),
         range_m=np.tile(range_m, azimuths),
         amplitude=np.sqrt(np.tile(power_w, azimuths)),
         azimuths=azimuths,

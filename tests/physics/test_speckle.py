@@ -43,8 +43,8 @@ def cell_sums(
     """Sums of the echoes in cells of every third row and `length_m`, over the root of their mean power."""
     steps = int((far_m - near_m) / length_m)
     step = np.floor((echoes.range_m - near_m) / length_m).astype(np.int64)
-    mine = (step >= 0) & (step < steps) & (echoes.row % rows == 0)
-    number = echoes.row[mine] // rows * steps + step[mine]
+    mine = (step >= 0) & (step < steps) & (echoes.azimuth % rows == 0)
+    number = echoes.azimuth[mine] // rows * steps + step[mine]
     size = -(-400 // rows) * steps
     total = np.bincount(number, echoes.amplitude[mine].real.astype(np.float64), size) + 1j * np.bincount(
         number, echoes.amplitude[mine].imag.astype(np.float64), size
@@ -153,7 +153,7 @@ def test_speckle_of_a_parked_car_stays_and_of_a_moving_one_turns(law: LawRecorde
 
     def ahead(x: float) -> complex:
         echoes = traced(town, standing(x=x), rays=256, floor_db=-20.0, sensor=STEADY)
-        return complex(echoes.amplitude[echoes.row == 0].sum(dtype=np.complex128))
+        return complex(echoes.amplitude[echoes.azimuth == 0].sum(dtype=np.complex128))
 
     start, moved = ahead(0.0), ahead(0.5e-3)
     law(

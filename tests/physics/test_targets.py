@@ -46,7 +46,7 @@ def ahead(kind: str, distance_m: float, *size_m: float, **more: Any) -> Target:
 def received_w(target: Target, row: int = 0) -> float:
     """Power of a row's echoes, added in phase."""
     echoes = echoes_of(target)
-    return float(abs(echoes.amplitude[echoes.row == row].astype(np.complex128).sum()) ** 2)
+    return float(abs(echoes.amplitude[echoes.azimuth == row].astype(np.complex128).sum()) ** 2)
 
 
 def radar_equation_w(sigma_m2: float, range_m: float) -> float:
@@ -197,7 +197,7 @@ def test_corner_is_one_target_at_its_apex(law: LawRecorder) -> None:
     target = ahead("trihedral", 60.0, 0.3)
     echoes = echoes_of(target, settings=TraceSettings())
     assert set(echoes.bounces) == {1}
-    mid = echoes.row == 0
+    mid = echoes.azimuth == 0
     place = np.average(echoes.range_m[mid], weights=np.abs(echoes.amplitude[mid]) ** 2)
     law(
         "Trihedral of 0.3 m: range of its echo less that of its apex",
@@ -230,7 +230,7 @@ def test_small_target_between_rays_is_heard_in_full(law: LawRecorder) -> None:
         echoes = echoes_of(Target(kind="sphere", position_m=place, size_m=(0.1,)))
         row = round(azimuth / ROW_RAD) % 400
         offset = azimuth - round(azimuth / ROW_RAD) * ROW_RAD
-        power = float(abs(echoes.amplitude[echoes.row == row].sum()) ** 2)
+        power = float(abs(echoes.amplitude[echoes.azimuth == row].sum()) ** 2)
         lobe = 10 ** (-3 * (math.degrees(offset) / 0.55) ** 2 / 10)  # parabola in dB, -3 dB at 0.55 deg
         level.append(power / (radar_equation_w(math.pi * 0.01, range_m) * lobe))
     law(
@@ -250,7 +250,7 @@ def test_phase_of_a_target_follows_the_radar(law: LawRecorder) -> None:
     echoes = echoes_of(target, ride=ride)
     errors = []
     for row in range(0, 4):
-        inside = echoes.row == row
+        inside = echoes.azimuth == row
         position = 15.0 * 0.25 / 400 * row
         expected = -4 * math.pi * (40.0 - position) / WAVELENGTH_M
         found = np.angle(echoes.amplitude[inside].astype(np.complex128).sum())
@@ -281,7 +281,7 @@ def test_sum_is_renewed_often_enough_while_the_radar_moves(monkeypatch: pytest.M
 
 def by_row(echoes: Echoes) -> NDArray[np.float64]:
     total = np.zeros(400, np.complex128)
-    np.add.at(total, echoes.row, echoes.amplitude)
+    np.add.at(total, echoes.azimuth, echoes.amplitude)
     return np.abs(total) ** 2
 
 
@@ -295,7 +295,7 @@ def test_targets_hide_and_are_hidden() -> None:
     shaded = echoes_of(
         screen, things=(wall,), settings=TraceSettings(rays=256, floor_db=-60.0, max_bounces=1)
     )
-    ahead_rows = np.isin(shaded.row, [399, 0, 1]) & ~shaded.sidelobe
+    ahead_rows = np.isin(shaded.azimuth, [399, 0, 1]) & ~shaded.sidelobe
     assert not (shaded.instance[ahead_rows] == 1).any()
 
 

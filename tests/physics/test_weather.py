@@ -15,7 +15,7 @@ from echoscape.sim.effects.rain import (
     specific_attenuation_db_km,
     water_permittivity,
 )
-from echoscape.sim.kinematics.rolling_scan import RowPoses
+from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
 from echoscape.sim.receiver.receiver import receive
 from echoscape.sim.sensor.antenna import Antenna
 from echoscape.sim.sensor.cts350x import CTS350X
@@ -144,8 +144,8 @@ def test_energy_of_a_crossing(law: LawRecorder) -> None:
 
 def test_friis(law: LawRecorder) -> None:
     rows = CTS350X.azimuths
-    poses = RowPoses(
-        position=np.zeros((rows, 3)), yaw=np.zeros(rows), velocity=np.zeros((rows, 3)), row_s=0.0
+    poses = AzimuthPoses(
+        position=np.zeros((rows, 3)), yaw=np.zeros(rows), velocity=np.zeros((rows, 3)), azimuth_period_s=0.0
     )
     place = np.tile([50.0, 0.0, 0.0], (rows, 1))
     share = received_share(place, np.full(rows, math.pi), poses, CTS350X, Antenna(CTS350X))

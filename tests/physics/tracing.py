@@ -55,7 +55,7 @@ def power_of(echoes: Echoes, instance: int) -> float:
 
 def row_power(echoes: Echoes, row: int) -> float:
     """Mean power (over speckle) of a row's echoes [W]."""
-    return float(echoes.mean_power[echoes.row == row].sum(dtype=np.float64))
+    return float(echoes.mean_power[echoes.azimuth == row].sum(dtype=np.float64))
 
 
 def facing(

@@ -95,7 +95,9 @@ def test_echoes_of_another_scan_or_seed_are_refused(
     other = Simulator(street, standing(), movers, seed=3, sensor=STEADY, settings=SETTINGS)
     with pytest.raises(ValueError, match=r"echoes must be of scan 0 and seed 3, got scan 0 and seed 2"):
         other.scan(0, echoes=traced)
-    made = point_echoes(row=np.array([5]), range_m=np.array([30.0]), amplitude=np.array([1e-5]), azimuths=400)
+    made = point_echoes(
+        azimuth=np.array([5]), range_m=np.array([30.0]), amplitude=np.array([1e-5]), azimuths=400
+    )
     placed = whole.scan(1, echoes=made)  # whose echoes nobody traced fit any scan
     assert placed.codes[5].argmax() == pytest.approx(30.0 / STEADY.bin_m, abs=2)
 

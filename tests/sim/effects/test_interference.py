@@ -16,7 +16,7 @@ from echoscape.sim.effects.interference import (
     interference,
     received_share,
 )
-from echoscape.sim.kinematics.rolling_scan import RowPoses
+from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
 from echoscape.sim.sensor.antenna import Antenna
 from echoscape.sim.sensor.cir304 import CIR304_RT
 from echoscape.sim.sensor.cts350x import CTS350X
@@ -116,8 +116,11 @@ def test_at_a_crossing_both_have_one_frequency(name: str) -> None:
 
 def share_of(place: list[float], yaw: float, sensor: Sensor = CTS350X) -> NDArray[np.float64]:
     rows = sensor.azimuths
-    poses = RowPoses(
-        position=np.zeros((rows, 3)), yaw=np.zeros(rows), velocity=np.zeros((rows, 3)), row_s=625e-6
+    poses = AzimuthPoses(
+        position=np.zeros((rows, 3)),
+        yaw=np.zeros(rows),
+        velocity=np.zeros((rows, 3)),
+        azimuth_period_s=625e-6,
     )
     return received_share(np.tile(place, (rows, 1)), np.full(rows, yaw), poses, sensor, Antenna(sensor))
 

@@ -44,7 +44,7 @@ def turning(rate: float) -> Ride:
 @pytest.mark.parametrize("row", [0, 2, 200, 397])
 def test_a_standing_radar_hears_a_ring_that_is_the_pattern_on_both_sides(row: int) -> None:
     echoes = traced((row, 30.0, 0.05), ride=standing())
-    power = np.bincount(echoes.row, echoes.mean_power, 400)
+    power = np.bincount(echoes.azimuth, echoes.mean_power, 400)
     for away, level_db in RING_DB.items():
         right, left = (decibel(power[(row + side) % 400] / power[row]) for side in (away, -away))
         assert right == pytest.approx(level_db, abs=0.5)
@@ -53,10 +53,10 @@ def test_a_standing_radar_hears_a_ring_that_is_the_pattern_on_both_sides(row: in
 
 def test_a_ring_is_heard_by_the_whole_turn_once() -> None:
     echoes = traced((3, 12.0, 0.1), ride=standing())
-    heard = np.bincount(echoes.row, minlength=400)
+    heard = np.bincount(echoes.azimuth, minlength=400)
     # The row opposite to it, which lies as far on either side, is left out.
     assert np.flatnonzero(heard == 0).tolist() == [203]
-    far = echoes.source[echoes.sidelobe].astype(np.int64) * 400 + echoes.row[echoes.sidelobe]
+    far = echoes.source[echoes.sidelobe].astype(np.int64) * 400 + echoes.azimuth[echoes.sidelobe]
     assert len(np.unique(far)) == len(far)
 
 
@@ -65,7 +65,7 @@ def test_across_the_seam_a_ring_is_as_far_as_its_rows_are_from_it() -> None:
     echoes = traced((5, 40.0, 0.05), ride=straight([0, 0], [15.0, 0]))
     x, y = 40.0 * math.cos(5 * ROW_RAD), -40.0 * math.sin(5 * ROW_RAD)
     for row in (360, 385, 395, 15, 40):
-        found = echoes.range_m[echoes.row == row]
+        found = echoes.range_m[echoes.azimuth == row]
         assert found.size
         expected = math.hypot(x - 15.0 * STEADY.row_s * row, y)
         np.testing.assert_allclose(found, expected, atol=0.06)  # 1.5 m up and down: 0.04 m
@@ -77,7 +77,7 @@ def test_sidelobes_are_as_loud_at_the_seam_as_elsewhere(rate: float, within_db: 
     ring = [(400 / 120 * k, 25.0, 1.4) for k in range(120)]
     echoes = traced(*ring, ride=turning(rate), floor_db=-10.0)
     far = echoes.sidelobe
-    power = np.bincount(echoes.row[far], echoes.mean_power[far], 400)
+    power = np.bincount(echoes.azimuth[far], echoes.mean_power[far], 400)
     seam = np.concatenate([power[:8], power[-8:]])
     assert abs(decibel(seam.mean() / power[20:380].mean())) < within_db
 
@@ -99,7 +99,7 @@ def test_a_corners_ring_is_as_loud_across_the_seam_though_the_car_drives() -> No
     twice = echoes.returns.bounces[echoes.source] == 2
     power = np.zeros(400)
     for row in range(400):
-        there = twice & (echoes.row == row)
+        there = twice & (echoes.azimuth == row)
         power[row] = np.abs(echoes.amplitude[there].sum(dtype=complex)) ** 2
     offset_deg, level_db = np.array(STEADY.azimuth_pattern_db).T
     rows = np.array([397, 398, 399, 0, 1, 2])
@@ -114,5 +114,5 @@ def test_a_target_that_a_turn_to_the_left_passes_over_is_heard_by_sidelobes() ->
     place = (30 * math.cos(bearing), 30 * math.sin(bearing), HEIGHT_M)
     sphere = Target(kind="point", position_m=place, rcs_m2=1e3)
     echoes = Simulator(with_targets(world(), [sphere]), turning(rate), seed=3, sensor=STEADY).echoes(0)
-    power = np.bincount(echoes.row, echoes.mean_power, 400)
+    power = np.bincount(echoes.azimuth, echoes.mean_power, 400)
     assert (power[[0, 1, 2, 397, 398, 399]] > 0).all()

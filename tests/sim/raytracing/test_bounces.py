@@ -39,7 +39,7 @@ def traced(
 
 def mean_row(echoes: Echoes, mine: np.ndarray) -> float:
     """Row that the echoes lie about, weighted by power, between -200 and 200."""
-    rows = (echoes.row[mine] + 200) % 400 - 200
+    rows = (echoes.azimuth[mine] + 200) % 400 - 200
     return float(np.average(rows, weights=echoes.mean_power[mine]))
 
 
@@ -67,9 +67,9 @@ def test_placed_things_stand_where_their_placement_says() -> None:
         instance_class=np.array([0, 16], np.uint8),
     )
     echoes = traced(town, standing())
-    ahead = (echoes.row == 0) & (echoes.bounces == 1)
+    ahead = (echoes.azimuth == 0) & (echoes.bounces == 1)
     assert np.average(echoes.range_m[ahead], weights=echoes.mean_power[ahead]) == pytest.approx(28.0, abs=0.1)
-    rows = (echoes.row[(echoes.bounces == 1) & ~echoes.sidelobe] + 200) % 400 - 200
+    rows = (echoes.azimuth[(echoes.bounces == 1) & ~echoes.sidelobe] + 200) % 400 - 200
     assert rows.max() * ROW_RAD == pytest.approx(math.atan2(4.0, 28.0), abs=4 * ROW_RAD)
     assert (echoes.instance == 1).all()
 
@@ -83,7 +83,7 @@ def test_alternating_sweeps_shift_neighbouring_rows_in_opposite_directions() -> 
     )
     for row in (0, 1, 2, 3, 397, 398, 399):
         there, here = (
-            np.average(each.range_m[each.row == row], weights=each.mean_power[each.row == row])
+            np.average(each.range_m[each.azimuth == row], weights=each.mean_power[each.azimuth == row])
             for each in (still, echoes)
         )
         assert here - there == pytest.approx(-0.588 if row % 2 else 0.588, abs=0.01)
@@ -107,7 +107,7 @@ def test_every_row_hears_a_mover_at_its_own_time(distortion: bool) -> None:
     movers = (mover(1, box, straight([-30.0, 0.0], [-30.0, 0.0], yaw=0.0)),)
     echoes = traced(world(), standing(), movers, doppler=False, motion_distortion=distortion)
     for row in (196, 200, 204):
-        here = (echoes.row == row) & (echoes.bounces == 1)
+        here = (echoes.azimuth == row) & (echoes.bounces == 1)
         time = STEADY.row_s * (row if distortion else 199.5)
         near = (29.0 + 30.0 * time) / math.cos((row - 200) * ROW_RAD)
         found = np.average(echoes.range_m[here], weights=echoes.mean_power[here])
@@ -120,7 +120,7 @@ def test_without_distortion_the_seam_is_no_place_for_jumps() -> None:
     echoes = traced(world(), standing(), movers, doppler=False, motion_distortion=False)
     near = 40.0 - 1.0 - 20.0 * STEADY.row_s * 199.5
     for row in (398, 399, 0, 1):
-        here = echoes.range_m[(echoes.row == row) & (echoes.bounces == 1)]
+        here = echoes.range_m[(echoes.azimuth == row) & (echoes.bounces == 1)]
         assert here.min() > near - 0.3
         assert np.median(here) == pytest.approx(near, abs=0.3)
 
@@ -136,7 +136,7 @@ def test_power_is_even_round_the_turn_while_the_car_turns() -> None:
     echoes = traced(
         world(*ring), Ride(turning), settings=TraceSettings(rays=256, max_bounces=1, floor_db=-40)
     )
-    power = np.bincount(echoes.row, echoes.mean_power, 400)
+    power = np.bincount(echoes.azimuth, echoes.mean_power, 400)
     inner = decibel(power[20:380] / power[20:380].mean())
     assert np.std(inner) < 0.3
     seam = decibel(power[[396, 397, 398, 399, 0, 1, 2, 3]] / power[20:380].mean())
@@ -220,7 +220,7 @@ def test_speckled_power_has_its_mean_where_many_rays_share_a_patch() -> None:
         )
         echoes = simulator.echoes(0)
         for row in range(-60, 61, 6):
-            here = echoes.row == row % 400
+            here = echoes.azimuth == row % 400
             ranges = echoes.range_m[here]
             for start in np.arange(ranges.min(), ranges.max(), 0.25):
                 cell = (ranges >= start) & (ranges < start + 0.25)

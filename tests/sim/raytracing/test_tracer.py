@@ -43,7 +43,7 @@ def traced(
 
 def row_power(echoes: Echoes, row: int, near_m: float, far_m: float) -> float:
     """Mean power (over speckle) of a row's echoes between two ranges [W]."""
-    inside = (echoes.row == row) & (echoes.range_m > near_m) & (echoes.range_m < far_m)
+    inside = (echoes.azimuth == row) & (echoes.range_m > near_m) & (echoes.range_m < far_m)
     return float(echoes.mean_power[inside].sum(dtype=np.float64))
 
 
@@ -84,7 +84,7 @@ def test_wall_returns_the_integral_of_the_radar_equation(material: str, distance
 
 
 def cell_sum(echoes: Echoes, row: int, range_m: float, width_m: float = 0.25) -> complex:
-    inside = (echoes.row == row) & (np.abs(echoes.range_m - range_m) < width_m)
+    inside = (echoes.azimuth == row) & (np.abs(echoes.range_m - range_m) < width_m)
     return complex(echoes.amplitude[inside].sum(dtype=np.complex128))
 
 
@@ -133,8 +133,8 @@ def test_rows_see_the_world_from_their_own_place() -> None:
     echoes = traced(world(*plates), straight([0, 0], [15.0, 0]), doppler=False)
     for instance, (x, y) in enumerate(places, start=1):
         mine = (echoes.instance == instance) & ~echoes.sidelobe & (echoes.bounces == 1)
-        for row in np.unique(echoes.row[mine]):
-            here = mine & (echoes.row == row)
+        for row in np.unique(echoes.azimuth[mine]):
+            here = mine & (echoes.azimuth == row)
             car_x = 15.0 * STEADY.row_s * row
             found = np.average(echoes.range_m[here], weights=echoes.mean_power[here])
             assert found == pytest.approx(math.hypot(x - car_x, y), abs=0.1)  # the plate is 0.5 m wide
@@ -147,7 +147,7 @@ def test_motion_distortion_can_be_switched_off() -> None:
     # Row 395 is 244 ms after row 5, so the wall ahead has come nearer by 3.7 m; at mid-scan both stand still.
     for echoes, nearer in ((rolling, 15 * 390 * STEADY.row_s), (still, 0.0)):
         first, last = (
-            np.average(echoes.range_m[echoes.row == k], weights=echoes.mean_power[echoes.row == k])
+            np.average(echoes.range_m[echoes.azimuth == k], weights=echoes.mean_power[echoes.azimuth == k])
             for k in (5, 395)
         )
         assert first - last == pytest.approx(nearer, abs=0.15)
@@ -165,15 +165,15 @@ def test_movers_move_within_the_scan() -> None:
     mine = (echoes.instance == 5) & (echoes.bounces == 1) & ~echoes.sidelobe
     assert mine.any()
     assert echoes.moving[mine].all()
-    power = np.bincount(echoes.row[mine], echoes.mean_power[mine], 400)
+    power = np.bincount(echoes.azimuth[mine], echoes.mean_power[mine], 400)
     for row in np.flatnonzero(power > 0.1 * power.max()):
         y = -6.0 + 20.0 * STEADY.row_s * row
-        here = mine & (echoes.row == row)
+        here = mine & (echoes.azimuth == row)
         near = math.hypot(-29.0, y)
         assert np.average(echoes.range_m[here], weights=echoes.mean_power[here]) == pytest.approx(
             near, abs=0.8
         )
-    middle = np.average(echoes.row[mine], weights=echoes.mean_power[mine])
+    middle = np.average(echoes.azimuth[mine], weights=echoes.mean_power[mine])
     y = -6.0 + 20.0 * STEADY.row_s * middle
     assert (math.pi - middle * ROW_RAD) == pytest.approx(math.atan2(y, 29.0) * -1, abs=ROW_RAD)
 
@@ -200,7 +200,7 @@ def test_standing_mover_keeps_its_speckle_and_things_behind_it_are_hidden() -> N
     first, second = simulator.echoes(0), simulator.echoes(3)
     assert np.array_equal(first.amplitude, second.amplitude)
     direct = (first.bounces == 1) & ~first.sidelobe
-    assert not ((first.instance == 1) & direct & (first.row == 0)).any()
+    assert not ((first.instance == 1) & direct & (first.azimuth == 0)).any()
     assert first.first_m[0] == pytest.approx(14.0, abs=0.05)
 
 
@@ -216,7 +216,7 @@ def test_echoes_do_not_depend_on_threads() -> None:
         two = traced(town, straight([0, 0], [8.0, 1.0]), settings=TraceSettings(rays=64))
     finally:
         set_threads(before)
-    for name in ("row", "range_m", "amplitude", "mean_power", "source"):
+    for name in ("azimuth", "range_m", "amplitude", "mean_power", "source"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
 
 
@@ -234,7 +234,7 @@ def test_bounce_limit_leaves_out_the_orders_above_it_and_no_others(limit: int) -
     assert set(np.unique(every.bounces)) == {1, 2, 3, 4}
     assert fewer.bounces.max() == limit
     expected = every.select(every.bounces <= limit)
-    for name in ("row", "range_m", "amplitude", "mean_power", "bounces", "instance"):
+    for name in ("azimuth", "range_m", "amplitude", "mean_power", "bounces", "instance"):
         found, wanted = (np.sort(getattr(echoes, name)) for echoes in (fewer, expected))
         assert np.array_equal(found, wanted), name
 

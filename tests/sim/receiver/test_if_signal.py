@@ -23,7 +23,7 @@ def random_echoes(count: int, seed: int, spread_db: float) -> Echoes:
     rng = np.random.default_rng(seed)
     size = 10 ** (rng.uniform(-spread_db, 0, count) / 20)
     return point_echoes(
-        row=rng.integers(0, 2, count),
+        azimuth=rng.integers(0, 2, count),
         range_m=rng.uniform(0.03, SENSOR.range_m, count),
         amplitude=size * np.exp(2j * math.pi * rng.random(count)),
         azimuths=2,
@@ -55,11 +55,11 @@ def test_sums_of_echoes_do_not_depend_on_their_order_beyond_rounding() -> None:
     echoes = random_echoes(200, 9, 20)
     order = np.random.default_rng(1).permutation(200)
     shuffled = point_echoes(
-        row=echoes.row[order], range_m=echoes.range_m[order], amplitude=echoes.amplitude[order], azimuths=2
+        azimuth=echoes.azimuth[order], range_m=echoes.range_m[order], amplitude=echoes.amplitude[order], azimuths=2
     )
     np.testing.assert_allclose(echo_grid(shuffled, SENSOR), echo_grid(echoes, SENSOR), atol=1e-6)
 
 
 def test_grid_of_no_echoes_is_empty() -> None:
-    none = point_echoes(row=np.zeros(0), range_m=np.zeros(0), amplitude=np.zeros(0), azimuths=2)
+    none = point_echoes(azimuth=np.zeros(0), range_m=np.zeros(0), amplitude=np.zeros(0), azimuths=2)
     assert not echo_grid(none, SENSOR).any()

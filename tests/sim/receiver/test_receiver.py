@@ -26,7 +26,7 @@ def received(
     rows = np.repeat(np.arange(sensor.azimuths), len(range_m))
     amplitude = np.sqrt(np.tile(power_w, sensor.azimuths))
     echoes = point_echoes(
-        row=rows, range_m=np.tile(range_m, sensor.azimuths), amplitude=amplitude, azimuths=sensor.azimuths
+        azimuth=rows, range_m=np.tile(range_m, sensor.azimuths), amplitude=amplitude, azimuths=sensor.azimuths
     )
     rngs = [np.random.default_rng([seed, k]) for k in (0, 1)]
     return receive(echo_grid(echoes, sensor), sensor, artefacts, noise_rng=rngs[0], phase_rng=rngs[1])
@@ -81,7 +81,7 @@ def test_weak_echoes_do_not_clip() -> None:
 def test_phase_noise_filter_is_the_sum_over_echoes_with_their_own_delays() -> None:
     rng = np.random.default_rng(2)
     ranges, sensor = np.array([7.0, 41.3, 80.2]), replace(SMALL, azimuths=1)
-    echoes = point_echoes(row=np.zeros(3), range_m=ranges, amplitude=np.array([1.0, 0.5j, -0.3]), azimuths=1)
+    echoes = point_echoes(azimuth=np.zeros(3), range_m=ranges, amplitude=np.array([1.0, 0.5j, -0.3]), azimuths=1)
     # Strong, so that small-angle shortcuts would show; slow, so that no sideband passes half the rate.
     slow = np.fft.rfft(10 * phase_noise(sensor, rows=1, count=2048, rng=rng))
     slow[:, 300:] = 0
@@ -122,7 +122,7 @@ def test_switching_one_artefact_off_leaves_the_others_draws_alone() -> None:
 def test_parts_add_up_in_amplitude() -> None:
     sensor = replace(SMALL, azimuths=1)
     grid = echo_grid(
-        point_echoes(row=np.zeros(1), range_m=np.array([50.0]), amplitude=np.array([1e-7]), azimuths=1),
+        point_echoes(azimuth=np.zeros(1), range_m=np.array([50.0]), amplitude=np.array([1e-7]), azimuths=1),
         sensor,
     )
     clean = spectrum(beat(grid, sensor), sensor, step=PART_STEP)

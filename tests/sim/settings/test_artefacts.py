@@ -13,7 +13,7 @@ from echoscape.scenes.core.scene import Mover, Scene
 from echoscape.sim.datasets.polar_scan import Component, PolarScan
 from echoscape.sim.echoes import Echoes, point_echoes
 from echoscape.sim.effects.echo_scaling import changed, even_grid, speckled_grid
-from echoscape.sim.kinematics.rolling_scan import Turn, row_poses, spread_times
+from echoscape.sim.kinematics.rolling_scan import Revolution, azimuth_poses, sweep_times
 from echoscape.sim.receiver.if_signal import beat, echo_grid, spectrum
 from echoscape.sim.receiver.phase_noise import phase_noise
 from echoscape.sim.receiver.receiver import Received, receive
@@ -47,7 +47,7 @@ EXPLICIT = Artefacts(
 def tones(range_m: list[float], power_w: list[float], sensor=SMALL) -> Echoes:
     """The same echoes in every row."""
     return point_echoes(
-        row=np.repeat(np.arange(sensor.azimuths), len(range_m)),
+        azimuth=np.repeat(np.arange(sensor.azimuths), len(range_m)),
         range_m=np.tile(range_m, sensor.azimuths),
         amplitude=np.sqrt(np.tile(power_w, sensor.azimuths)),
         azimuths=sensor.azimuths,
@@ -235,15 +235,15 @@ def test_movers_that_are_there_at_a_share_are_there_at_every_larger_one() -> Non
 
 
 def test_half_the_motion_distortion_spreads_the_rows_over_half_the_way() -> None:
-    turn = Turn(start_s=2.0, row_s=0.001, azimuths=401)
+    revolution = Revolution(start_s=2.0, azimuth_period_s=0.001, azimuths=401)
     track = straight([0.0, 0.0], [10.0, 0.0]).trajectory
     for share in (0.0, 0.25, 0.5, 1.0):
-        poses = row_poses(track, turn, height_m=2.0, distortion=share)
+        poses = azimuth_poses(track, revolution, height_m=2.0, distortion=share)
         assert np.ptp(poses.position[:, 0]) == pytest.approx(share * 4.0)
         assert poses.position[200, 0] == pytest.approx(22.0)
-        assert poses.row_s == pytest.approx(share * 0.001)
+        assert poses.azimuth_period_s == pytest.approx(share * 0.001)
         np.testing.assert_allclose(poses.velocity[:, 0], 10.0)
-        np.testing.assert_allclose(spread_times(turn, share).mean(), turn.middle_s)
+        np.testing.assert_allclose(sweep_times(revolution, share).mean(), revolution.middle_s)
 
 
 # ---------------------------------------------------------------------- speckle
@@ -259,7 +259,7 @@ def test_without_speckle_a_dense_row_has_its_mean_power() -> None:
     count, power_w = 40_000, 1.0  # 17 echoes a bin
     echoes = rough(
         point_echoes(
-            row=np.zeros(count),
+            azimuth=np.zeros(count),
             range_m=rng.uniform(20, 120, count),
             amplitude=np.full(count, math.sqrt(power_w / count)),
             azimuths=SMALL.azimuths,
@@ -322,7 +322,7 @@ def test_echoes_of_others_stay(name: str) -> None:
         "doppler": np.full(len(traced), True),
         "rain": np.full(len(traced), True),
     }[name]
-    np.testing.assert_array_equal(after.row, traced.row[left])
+    np.testing.assert_array_equal(after.azimuth, traced.azimuth[left])
     np.testing.assert_array_equal(after.source, traced.source[left])
     if name != "rain":
         np.testing.assert_array_equal(after.amplitude, traced.amplitude[left])
