@@ -1,4 +1,4 @@
-"""The `echoscape` command: finds the subcommand and imports that one only, so that help comes at once."""
+"""The `echoscape` command: imports one subcommand only, so that help is printed without delay."""
 
 import os
 import sys
@@ -6,41 +6,46 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
 
-_UNREAD = 128 + 13
-"""What shells say of a command that SIGPIPE ended."""
+_SIGPIPE_EXIT = 128 + 13
+"""The exit code that shells report for a command that SIGPIPE ended."""
 
 COMMANDS = {
     "simulate": "make a dataset: a town, a drive through it, its radar scans and their truth",
-    "scene": "build a world without any radar: its plan, its numbers, a model for viewers",
-    "view": "write a page to step through a data set in a browser, small enough to mail",
-    "fidelity": "judge a folder of scans by the statistics of real ones: table, JSON, plots",
-    "artefacts": "show which effect does what to one scan: a picture each, without it and with it",
-    "train": "learn keypoint odometry from folders of scans that tell poses",
-    "odometry": "estimate the motion between the scans of a folder, and judge it where truth is known",
-    "drift": "judge one trajectory by another as the KITTI benchmark does",
+    "scene": "build a world without any radar: its plan, its numbers, a 3-D model",
+    "view": "write a page to step through a dataset in a browser, small enough to mail",
+    "fidelity": "compare the statistics of a folder of scans with those of real ones: table, JSON, plots",
+    "artefacts": "show what each artefact does to one scan: a figure each, without it and with it",
+    "train": "train keypoint odometry on folders of scans with poses",
+    "odometry": "estimate the motion between the scans of a folder, and evaluate it against the truth",
+    "drift": "evaluate one trajectory against another as the KITTI benchmark does",
 }
 """Subcommands and what they do; each is a module of this package with `main(arguments) -> int`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return the exit code.
+    """Run the command line.
 
-    0 done, 1 failed, 2 wrong arguments, 130 interrupted, 141 nobody reads the output any more.
+    Args:
+        arguments: The words after `echoscape`; by default those of the process.
+
+    Returns:
+        The exit code: 0 done, 1 failed, 2 wrong arguments, 130 interrupted, 141 the reader of the output is
+        gone.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         try:
             return _main(words)
         finally:
-            sys.stdout.flush()  # while it can still be told that nobody reads it
+            sys.stdout.flush()  # here, where a broken pipe can still be handled
     except BrokenPipeError:
-        if not _unread():
+        if not _output_is_closed():
             raise
     except SystemExit as leaving:
-        if not isinstance(leaving.__context__, BrokenPipeError):  # as rich does, and `cli.arguments`
+        if not isinstance(leaving.__context__, BrokenPipeError):  # raised by rich and by `cli.arguments`
             raise
-    _silence()
-    return _UNREAD
+    _silence_output()
+    return _SIGPIPE_EXIT
 
 
 def _main(words: list[str]) -> int:
@@ -51,13 +56,13 @@ def _main(words: list[str]) -> int:
         print(f"echoscape {version('echoscape')}")
         return 0
     if words[0] not in COMMANDS:
-        print(f"echoscape: no command {words[0]!r}; there is {', '.join(COMMANDS)}", file=sys.stderr)
+        print(f"echoscape: unknown command {words[0]!r}; commands: {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
     return _run(words[0], words[1:])
 
 
-def _unread() -> bool:
-    """Whether it is the standard output that nobody reads: an empty line cannot be written to it either."""
+def _output_is_closed() -> bool:
+    """Whether the reader of the standard output is gone: an empty line cannot be written to it either."""
     try:
         print(flush=True)
     except BrokenPipeError:
@@ -65,8 +70,8 @@ def _unread() -> bool:
     return False
 
 
-def _silence() -> None:
-    """Lead the standard output nowhere, so that Python does not complain of what is left when it ends."""
+def _silence_output() -> None:
+    """Redirect the standard output to nowhere, so that Python does not report what is left at exit."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)
@@ -79,7 +84,9 @@ def _run(command: str, words: list[str]) -> int:
         print(f"echoscape {command}: interrupted", file=sys.stderr)
         return 130
     except RuntimeError as error:
-        if type(error).__name__ != "BackendError":  # its module is too heavy to import for its name
+        from echoscape.sim.raytracing.backend import BackendError
+
+        if not isinstance(error, BackendError):
             raise
         print(f"echoscape {command}: {error}", file=sys.stderr)
         return 1
@@ -92,7 +99,7 @@ def _help() -> str:
         [
             "usage: echoscape COMMAND [OPTIONS]",
             "",
-            "Ray-traced scans of a spinning FMCW radar in procedural towns, with exact truth.",
+            "Ray-traced scans of a spinning FMCW radar in procedural towns, with exact ground truth.",
             "",
             *lines,
             "",

@@ -10,9 +10,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parsed
-from echoscape.cli.progress import Stages
-from echoscape.cli.scene_options import ScanFlags, config_from_flags
+from echoscape.cli.arguments import parse
+from echoscape.cli.progress import ProgressBars
+from echoscape.cli.scene_options import ScanOptions, simulation_config
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 
@@ -26,7 +26,7 @@ class Options:
 
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Folder to write: a picture an effect, and artefacts.md. Files of these names are replaced."""
-    simulation: Annotated[ScanFlags, tyro.conf.arg(name="")] = field(default_factory=ScanFlags)
+    simulation: Annotated[ScanOptions, tyro.conf.arg(name="")] = field(default_factory=ScanOptions)
     """The dataset that the scan is from: what `echoscape simulate` makes with the same words."""
     scan: int | None = None
     """Number of the scan, from 0; by default the middle one."""
@@ -41,7 +41,7 @@ class Options:
 def main(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit code."""
     try:
-        options = parsed(Options, prog="echoscape artefacts", arguments=arguments)
+        options = parse(Options, prog="echoscape artefacts", words=arguments)
         rows, paths = _written(options)
     except (DatasetError, SceneError, ValueError) as error:
         return _refused(str(error))
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _written(options: Options) -> tuple[list["Change"], tuple[Path, ...]]:
     """Refuse what cannot be drawn before the ray tracer is loaded, then draw."""
-    config = config_from_flags(options.simulation, scene=options.scene, targets=options.targets)
+    config = simulation_config(options.simulation, scene=options.scene, targets=options.targets)
     index = config.scans // 2 if options.scan is None else options.scan
     from echoscape.eval.ablation.cases import chosen
     from echoscape.eval.ablation.figures import write_artefacts
@@ -64,8 +64,8 @@ def _written(options: Options) -> tuple[list["Change"], tuple[Path, ...]]:
 
     check_index(config, index)
     chosen(options.only)
-    with Stages(Console(stderr=True)) as stages:
-        return write_artefacts(options.out, config, index, names=options.only, progress=stages.report)
+    with ProgressBars(Console(stderr=True)) as bars:
+        return write_artefacts(options.out, config, index, names=options.only, progress=bars.report)
 
 
 def _table(rows: Sequence["Change"]) -> Table:

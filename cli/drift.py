@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parsed
+from echoscape.cli.arguments import parse
 
 if TYPE_CHECKING:
     from echoscape.eval.odometry.kitti_drift import Drift
@@ -37,7 +37,7 @@ class Options:
 def main(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit code."""
     try:
-        options = parsed(Options, prog="echoscape drift", arguments=arguments)
+        options = parse(Options, prog="echoscape drift", words=arguments)
         found = _drift(options)
     except ValueError as error:  # what a file lacks is one of them
         print(f"echoscape drift: {error}", file=sys.stderr)

@@ -10,8 +10,8 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parsed
-from echoscape.cli.progress import Stages
+from echoscape.cli.arguments import parse
+from echoscape.cli.progress import ProgressBars
 
 if TYPE_CHECKING:
     from echoscape.eval.fidelity.score import Fidelity
@@ -40,7 +40,7 @@ class Options:
 def main(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit code: 0 measured, whatever the verdicts, 2 bad input."""
     try:
-        options = parsed(Options, prog="echoscape fidelity", arguments=arguments)
+        options = parse(Options, prog="echoscape fidelity", words=arguments)
         result, paths = _measured(options)
     except ValueError as error:  # DatasetError is one
         return _refused(str(error))
@@ -68,8 +68,8 @@ def _measured(options: Options) -> tuple["Fidelity", tuple[Path, ...]]:
     data, reference = open_folder(options.data), options.reference and open_folder(options.reference)
     out = options.out or options.data / "fidelity"
     check_out(out)
-    with Stages(Console(stderr=True)) as stages:
-        result = fidelity(data, reference=reference, progress=stages.report)
+    with ProgressBars(Console(stderr=True)) as bars:
+        result = fidelity(data, reference=reference, progress=bars.report)
     return result, write_report(out, result)
 
 

@@ -1,4 +1,4 @@
-"""`echoscape odometry DATA --out RES`: run an odometry over a folder of scans and write what it found."""
+"""`echoscape odometry DATA --out RES`: odometry over a folder of scans, with truth an evaluation."""
 
 import sys
 from collections.abc import Sequence
@@ -10,8 +10,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parsed
-from echoscape.cli.progress import Stages
+from echoscape.cli.arguments import parse, with_config_file
+from echoscape.cli.progress import ProgressBars
+from echoscape.cli.torch_setup import check_threads, require_torch, use_threads
 
 if TYPE_CHECKING:
     from echoscape.eval.odometry.interface import OdometryMethod
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Estimate the motion between successive scans of a folder, and judge it where the folder has truth.
+    """Estimate the motion between successive scans of a folder, and evaluate it where the folder has truth.
 
-    Writes odometry.csv (Oxford's columns), trajectory.txt (KITTI) and trajectory.tum, pairs.csv, pictures,
+    Writes odometry.csv (Oxford's columns), trajectory.txt (KITTI) and trajectory.tum, pairs.csv, figures,
     and metrics.json. A pair that fails is recorded and counts as no motion.
     """
 
@@ -33,43 +34,57 @@ class Options:
     out: Path
     """Folder to write to."""
     method: Literal["learned", "fourier"] = "learned"
-    """learned: keypoints; fourier: phase correlation, which needs no weights."""
+    """learned: keypoints; fourier: phase correlation, which needs no weights and no PyTorch."""
     weights: Path | None = None
-    """Weights of the learned method; by default those that came with the package."""
+    """Weights of the learned method; by default the bundled ones."""
     resolution: float | None = None
-    """Which of the weights that came along: width of a pixel [m]; by default the coarsest, which are
-    the fastest."""
+    """Which of the bundled weights: width of a pixel [m]; by default the coarsest, which are the fastest."""
+    solver: Literal["keyframe", "robust", "paper"] = "keyframe"
+    """How the learned method solves poses. paper: least squares of each pair by itself, every pixel searched,
+    in float32, without compensation, as published. robust: each pair by itself, outliers weighted down.
+    keyframe: robust, with the scan before and a keyframe together."""
     compensate: bool = True
-    """Move keypoints to mid-scan and undo their Doppler shifts, at the velocity that each pair tells, before
-    its pose is solved. Of the learned method."""
-    pairs_alone: bool = False
-    """Every pair by itself, as in the paper, in place of following scans from keyframe to keyframe. Learned
-    method only."""
+    """Move keypoints to mid-scan and undo their Doppler shifts, at the velocity estimated from the pair
+    itself, before its pose is solved. Learned method only; --solver paper never does."""
     loop_pairs: int = 0
-    """Pairs of scans of one place, turned to any heading, to find as loop closure must, besides; the figures
+    """Pairs of scans of one place at random headings on which loop closure is evaluated as well; the figures
     go into metrics.json. Learned method only."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where the learned method runs; auto takes a GPU where PyTorch finds one."""
+    threads: int = 1
+    """Threads of the learned method on the CPU; the result does not depend on it. More than one pays only
+    on cores that nothing else uses: threads that wait for each other are many times slower than one."""
+    config: Path | None = None
+    """TOML file of options: keys are their names. Options that are given by hand win over it."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the subcommand and return its exit code: 0 done, 1 every pair failed, 2 bad input."""
+    """Run the subcommand.
+
+    Args:
+        arguments: The words after `echoscape odometry`.
+
+    Returns:
+        The exit code: 0 done, 1 every pair failed, 2 bad input.
+    """
     try:
-        found, figures, paths = _run(parsed(Options, prog="echoscape odometry", arguments=arguments))
-    except ValueError as error:  # what a data set lacks is one of them
-        return _refused(str(error), 2)
+        words = with_config_file(Options, arguments)
+        result, figures, paths = _run(parse(Options, prog="echoscape odometry", words=words))
+    except ValueError as error:  # errors of a dataset among them
+        return _refuse(str(error), 2)
     except OSError as error:
-        return _refused(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2)
+        return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2)
     console = Console()
     console.print(_table(figures))
     for path in paths:
         console.print(str(path), soft_wrap=True, highlight=False)
-    if not found.failed.all():
+    if not result.failed.all():
         return 0
-    return _refused(f"every pair failed, the first one because: {found.pairs[0].failure}", 1)
+    return _refuse(f"every pair failed, the first one because: {result.pairs[0].failure}", 1)
 
 
 def _run(options: Options) -> "tuple[OdometryResult, dict[str, Any], tuple[Path, ...]]":
-    """Run the odometry and write its files; nothing is written before all of it is there."""
-    from echoscape.eval.odometry.loop_closure import places_of
+    """Run the method and write its files; nothing is written before all results are there."""
     from echoscape.eval.odometry.metrics import metrics
     from echoscape.eval.odometry.report import write_odometry_report
     from echoscape.eval.odometry.run import run_odometry
@@ -77,47 +92,44 @@ def _run(options: Options) -> "tuple[OdometryResult, dict[str, Any], tuple[Path,
     from echoscape.sim.datasets.scan_folder import open_folder
     from echoscape.sim.numerics.malloc import keep_freed_memory
 
-    if options.weights is not None and options.method != "learned":
-        raise ValueError(f"--weights go with --method learned only, got --method {options.method}")
+    _check(options)
+    folder = open_folder(options.data)
+    check_out(options.out)
+    keep_freed_memory()
+    method = _method(options, folder)
+    places = _places(options, folder)
+    with ProgressBars(Console(stderr=True)) as bars:
+        result = run_odometry(folder, method, progress=bars.report)
+        loop_closure = _loop_closure(places, folder, method, bars)
+        bars.report("report", 0, 1)
+        paths = write_odometry_report(options.out, result, folder, method, loop_closure)
+        bars.report("report", 1, 1)
+    return result, {**metrics(result), **loop_closure}, paths
+
+
+def _check(options: Options) -> None:
+    """Refuse options that do not go together or cannot be carried out."""
     if options.resolution is not None and options.weights is not None:
-        raise ValueError("--resolution chooses among the weights that come along: not with --weights")
+        raise ValueError("--resolution chooses among the bundled weights: not with --weights")
     for flag, given in {
+        "--weights": options.weights is not None,
         "--resolution": options.resolution is not None,
-        "--pairs-alone": options.pairs_alone,
-        "--loop-pairs": options.loop_pairs,
+        "--solver": options.solver != "keyframe",
+        "--loop-pairs": options.loop_pairs != 0,
+        "--device": options.device != "auto",
+        "--threads": options.threads != 1,
     }.items():
         if given and options.method != "learned":
             raise ValueError(f"{flag} goes with --method learned only, got --method {options.method}")
     if options.loop_pairs < 0:
         raise ValueError(f"--loop-pairs must be 0 or more, got {options.loop_pairs}")
-    folder = open_folder(options.data)
-    check_out(options.out)
-    keep_freed_memory()
-    estimator = _estimator(options, folder)
-    places = places_of(folder, options.loop_pairs) if options.loop_pairs else None
-    with Stages(Console(stderr=True)) as stages:
-        found = run_odometry(folder, estimator, progress=stages.report)
-        more = _any_heading(places, folder, estimator, stages)
-        stages.report("report", 0, 1)
-        paths = write_odometry_report(options.out, found, folder, estimator, more)
-        stages.report("report", 1, 1)
-    return found, {**metrics(found), **more}, paths
+    check_threads(options.threads)
+    if options.method == "learned":
+        require_torch("--method learned")
 
 
-def _any_heading(
-    places: "Places | None", folder: "ScanFolder", estimator: "OdometryMethod[Any]", stages: Stages
-) -> "dict[str, Any]":
-    """Return the figures of turned pairs under `loop_closure_recall`, or nothing where they are not asked for."""
-    from echoscape.eval.odometry.learned import LearnedOdometry
-    from echoscape.eval.odometry.loop_closure import loop_closure_recall
-
-    if places is None or not isinstance(estimator, LearnedOdometry):
-        return {}
-    return {"loop_closure": loop_closure_recall(folder, estimator.estimator, places, progress=stages.report)}
-
-
-def _estimator(options: Options, folder: "ScanFolder") -> "OdometryMethod[Any]":
-    """Return the estimator for a folder's radar."""
+def _method(options: Options, folder: "ScanFolder") -> "OdometryMethod[Any]":
+    """Return the odometry method for a folder's radar."""
     if options.method == "fourier":
         from echoscape.eval.odometry.fourier_mellin import FourierOdometry
 
@@ -125,13 +137,38 @@ def _estimator(options: Options, folder: "ScanFolder") -> "OdometryMethod[Any]":
     from echoscape.eval.odometry.learned import chosen_weights, learned_odometry
     from echoscape.learn.odometry.keyframe_odometry import PAIRS_ALONE, OdometryConfig
 
-    # Sweeps that alternate shift every other row the other way: on average not at all.
+    use_threads(options.threads)
+    # Mean over azimuths: alternating chirps shift every other azimuth the other way, on average by 0.
     shift_s = -float(folder.sensor.doppler_shift_s.mean()) if options.compensate else None
-    weights = options.weights or chosen_weights(options.resolution)
-    settings = PAIRS_ALONE if options.pairs_alone else OdometryConfig()
     return learned_odometry(
-        weights, range_offset_m=folder.range_offset_m, doppler_beta_s=shift_s, settings=settings
+        options.weights or chosen_weights(options.resolution),
+        settings=PAIRS_ALONE if options.solver == "robust" else OdometryConfig(),
+        range_offset_m=folder.range_offset_m,
+        doppler_beta_s=shift_s,
     )
+
+
+def _places(options: Options, folder: "ScanFolder") -> "Places | None":
+    """Return the pairs for loop closure, or None where none are asked for."""
+    if not options.loop_pairs:
+        return None
+    from echoscape.eval.odometry.loop_closure import places_of
+
+    return places_of(folder, options.loop_pairs)
+
+
+def _loop_closure(
+    places: "Places | None", folder: "ScanFolder", method: "OdometryMethod[Any]", bars: ProgressBars
+) -> "dict[str, Any]":
+    """Return the figures of loop closure under `loop_closure`, or nothing without `places`."""
+    if places is None:
+        return {}
+    from echoscape.eval.odometry.learned import LearnedOdometry
+    from echoscape.eval.odometry.loop_closure import loop_closure_recall
+
+    assert isinstance(method, LearnedOdometry)
+    recall = loop_closure_recall(folder, method.estimator, places, progress=bars.report)
+    return {"loop_closure": recall}
 
 
 def _table(figures: "dict[str, Any]") -> Table:
@@ -144,24 +181,26 @@ def _table(figures: "dict[str, Any]") -> Table:
             ("pair_translation_m", "translation", "m"),
             ("pair_rotation_deg", "rotation", "deg"),
         ):
-            mean, median, most = (figures[name + ending] for ending in ("", "_median", "_max"))
-            table.add_row(label, f"{mean:.4f} {unit} a pair, median {median:.4f}, at most {most:.4f}")
+            mean, median, largest = (figures[name + ending] for ending in ("", "_median", "_max"))
+            table.add_row(
+                label, f"error {mean:.4f} {unit} a pair, median {median:.4f}, largest {largest:.4f}"
+            )
     else:
         table.add_row("truth", "none in this folder")
     if figures["segments"]:
         degrees = 100 * figures["rotation_deg_per_m"]
-        table.add_row("drift", f"{figures['translation_percent']:.2f} %, {degrees:.3f} deg a 100 m")
+        table.add_row("drift", f"{figures['translation_percent']:.2f} %, {degrees:.3f} deg per 100 m")
     elif figures["judged"]:
         table.add_row("drift", f"unknown: {figures['way_m']:.0f} m hold no segment of 100 m")
     if "loop_closure" in figures:
-        turned = figures["loop_closure"]
-        shares = f"{100 * turned['within']:.0f} %, {100 * turned['plain_within']:.0f} % without hypotheses"
-        table.add_row("any heading", f"{shares}, of {turned['pairs']} within 0.5 m and 1 deg")
+        loop = figures["loop_closure"]
+        shares = f"{100 * loop['within']:.0f} %, {100 * loop['plain_within']:.0f} % without hypotheses"
+        table.add_row("any heading", f"{shares}, of {loop['pairs']} within 0.5 m and 1 deg")
     if figures["hz"] is not None:
-        table.add_row("speed", f"{figures['hz']:.2f} pairs a second")
+        table.add_row("speed", f"{figures['hz']:.2f} pairs per second")
     return table
 
 
-def _refused(message: str, code: int) -> int:
+def _refuse(message: str, code: int) -> int:
     print(f"echoscape odometry: {message}", file=sys.stderr)
     return code

@@ -1,4 +1,4 @@
-"""Progress of a command on the terminal: a bar for each of its stages."""
+"""Progress of a command on the terminal: one bar for each of its stages."""
 
 import time
 
@@ -6,10 +6,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 
-class Stages:
-    """A progress bar a stage, each shown when it begins."""
+class ProgressBars:
+    """One progress bar a stage, each shown from the stage's first report on."""
 
     def __init__(self, console: Console) -> None:
+        """Prepare the display.
+
+        Args:
+            console: The terminal to draw on.
+        """
         self._bars = Progress(
             TextColumn("{task.description:8}"),
             BarColumn(),
@@ -20,7 +25,7 @@ class Stages:
         )
         self._tasks: dict[str, tuple[int, float, int]] = {}
 
-    def __enter__(self) -> "Stages":
+    def __enter__(self) -> "ProgressBars":
         self._bars.start()
         return self
 
@@ -28,7 +33,13 @@ class Stages:
         self._bars.stop()
 
     def report(self, stage: str, done: int, total: int) -> None:
-        """Show that `done` of `total` of a stage are there."""
+        """Update the bar of a stage; that of "scans" also shows scans per second.
+
+        Args:
+            stage: Name of the stage.
+            done: Steps that are done.
+            total: Steps that the stage has.
+        """
         if stage not in self._tasks:
             task = self._bars.add_task(stage, total=total, completed=done, rate="")
             self._tasks[stage] = (int(task), time.monotonic(), done)

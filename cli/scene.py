@@ -10,9 +10,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parsed
-from echoscape.cli.progress import Stages
-from echoscape.cli.scene_options import ConfigFlags, Preset, config_from_flags
+from echoscape.cli.arguments import parse
+from echoscape.cli.progress import ProgressBars
+from echoscape.cli.scene_options import Preset, SimulationOptions, simulation_config
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.generation.config import SimulationConfig
@@ -41,17 +41,18 @@ class Options:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit code."""
-    from echoscape.eval.scene_report.report import check_empty, write_scene
+    from echoscape.eval.scene_report.report import write_scene
+    from echoscape.sim.datasets.files.output_folder import check_output_folder
 
     try:
-        options = parsed(Options, prog="echoscape scene", arguments=arguments)
+        options = parse(Options, prog="echoscape scene", words=arguments)
         config = _config(options)
-        check_empty(options.out)
+        check_output_folder(options.out, empty=True)
     except ValueError as error:
         return _refused(str(error))
     try:
-        with Stages(Console(stderr=True)) as stages:
-            numbers = write_scene(options.out, config, progress=stages.report)
+        with ProgressBars(Console(stderr=True)) as bars:
+            numbers = write_scene(options.out, config, progress=bars.report)
     except (DatasetError, SceneError) as error:
         return _refused(str(error))
     except OSError as error:
@@ -63,8 +64,8 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _config(options: Options) -> SimulationConfig:
-    flags = ConfigFlags(preset=options.preset, seed=options.seed, scans=options.scans)
-    return config_from_flags(flags, scene=options.scene, targets=options.targets)
+    flags = SimulationOptions(preset=options.preset, seed=options.seed, scans=options.scans)
+    return simulation_config(flags, scene=options.scene, targets=options.targets)
 
 
 def _refused(message: str) -> int:

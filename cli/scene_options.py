@@ -1,6 +1,6 @@
-"""The world that a command is told of: flags of a configuration, a scene of one's own, test targets.
+"""Options of the commands that build a world: a simulation's settings, a scene file, a file of test targets.
 
-Scenes and targets come as TOML files, whose contents go into the config.
+A scene and targets are TOML files, whose contents become part of the simulation's configuration.
 """
 
 from dataclasses import dataclass, fields
@@ -15,11 +15,11 @@ from echoscape.sim.datasets.layouts.registry import LAYOUTS, LayoutName, layout_
 from echoscape.sim.generation.config import DEFAULT_PRESET, SimulationConfig
 
 Preset = Annotated[str, tyro.conf.arg(help_behavior_hint=f"(default: {DEFAULT_PRESET})")]
-"""A preset as a flag, empty where nothing is said."""
+"""A preset as an option, empty where it is not given."""
 
 
 def _layout(words: list[str]) -> LayoutName:
-    """Return the layout of this name; tyro tells the ValueError."""
+    """Return the layout of this name; tyro prints the ValueError."""
     (name,) = words
     return cast("LayoutName", layout_named(name).name)
 
@@ -31,52 +31,62 @@ _LAYOUT = tyro.constructors.PrimitiveConstructorSpec[LayoutName | None](
     is_instance=lambda value: value is None or value in LAYOUTS,
     str_from_instance=lambda value: [str(value)],
 )
-"""How a layout is read: tyro itself would offer "None", and list the choices in another order each time."""
+"""How a layout is parsed: tyro itself would offer "None", and list the choices in another order each time."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConfigFlags(SimulationConfig):
-    """A configuration as flags; what comes from files is no flag."""
+class SimulationOptions(SimulationConfig):
+    """A simulation's configuration as options; what comes from files is not an option of its own."""
 
     preset: Preset = ""
     """Kind of world: town, suburb, industrial, motorway, open or empty."""
     layout: Annotated[
         LayoutName | None, _LAYOUT, tyro.conf.arg(help_behavior_hint="(default: the radar's own)")
     ] = None
-    """Layout of the folder; by default that in which the radar's real scans are published, or Oxford's."""
+    """Layout of the folder; by default that of the published scans of this radar, or Oxford's."""
     scene: tyro.conf.Suppress[tyro.conf.Fixed[UserScene | None]] = None
-    """Comes from a file."""
+    """Read from a file."""
     targets: tyro.conf.Suppress[tyro.conf.Fixed[tuple[AnyTarget, ...]]] = ()
-    """Come from a file."""
+    """Read from a file."""
     randomized: tyro.conf.Suppress[tyro.conf.Fixed[bool]] = False
     """Set by --randomize."""
 
     def __post_init__(self) -> None:
-        """Leave the checks to the configuration that is made of the flags and the files."""
+        """Check nothing yet: the configuration made of options and files is checked."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScanFlags(ConfigFlags):
-    """A configuration of which one scan is made and no folder is written."""
+class ScanOptions(SimulationOptions):
+    """A simulation's configuration for a single scan, of which no folder is written."""
 
     scans: int = 40
     """Length of the drive in scans, four a second: which places it passes depends on it."""
     keep_beat: tyro.conf.Suppress[tyro.conf.Fixed[bool]] = False
-    """Is for folders."""
+    """For folders only."""
     layout: tyro.conf.Suppress[tyro.conf.Fixed[LayoutName | None]] = None
-    """Is for folders."""
+    """For folders only."""
 
 
-def config_from_flags(
-    flags: SimulationConfig, *, scene: Path | None, targets: Path | None
+def simulation_config(
+    options: SimulationConfig, *, scene: Path | None, targets: Path | None
 ) -> SimulationConfig:
-    """Return the configuration that flags and files make.
+    """Combine options and files into the configuration of a simulation.
+
+    Args:
+        options: The options; their scene and targets hold where no file is named.
+        scene: TOML file of a custom scene.
+        targets: TOML file of test targets.
+
+    Returns:
+        The configuration, checked.
 
     Raises:
-        ValueError: the settings make no dataset.
-        SceneError: a file cannot be read, or describes no scene or no targets.
+        ValueError: The settings do not make a dataset.
+        SceneError: A file cannot be read, or does not describe a scene or targets.
     """
-    settings: dict[str, Any] = {each.name: getattr(flags, each.name) for each in fields(SimulationConfig)}
-    settings["scene"] = None if scene is None else read_user_scene(scene)
-    settings["targets"] = () if targets is None else read_targets(targets)
+    settings: dict[str, Any] = {each.name: getattr(options, each.name) for each in fields(SimulationConfig)}
+    if scene is not None:
+        settings["scene"] = read_user_scene(scene)
+    if targets is not None:
+        settings["targets"] = read_targets(targets)
     return SimulationConfig(**settings)

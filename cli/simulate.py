@@ -1,9 +1,9 @@
-"""`echoscape simulate OUT`: parse a configuration, make its dataset with a progress bar, draw a preview, sum up."""
+"""`echoscape simulate OUT`: a dataset from options, with progress bars, a preview and a summary."""
 
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated
@@ -12,11 +12,12 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import ArgumentsError, parsed, said
-from echoscape.cli.progress import Stages
-from echoscape.cli.scene_options import ConfigFlags, config_from_flags
+from echoscape.cli.arguments import ArgumentsError, option_value, parse, with_config_file
+from echoscape.cli.progress import ProgressBars
+from echoscape.cli.scene_options import SimulationOptions, simulation_config
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.domain_randomization import randomized
+from echoscape.sim.raytracing.backend import Backend, selected_backend, use_backend
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.registry import sensor_from
 
@@ -27,57 +28,94 @@ class Options:
 
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Folder to write; it must be empty or new."""
-    simulation: Annotated[ConfigFlags, tyro.conf.arg(name="")] = field(default_factory=ConfigFlags)
-    """What to make."""
+    simulation: Annotated[SimulationOptions, tyro.conf.arg(name="")] = field(
+        default_factory=SimulationOptions
+    )
+    """What to simulate."""
     radar: str = CTS350X.name
-    """The radar: cts350x (Oxford), cir204 (MulRan), cir304 (Boreas), cir304_rt (Boreas-RT), or a TOML file;
-    its keys: docs/sensors.md. --sensor.* change single numbers of it."""
+    """The radar: cts350x (Oxford), cir204 (MulRan), cir304 (Boreas), cir304_rt (Boreas-RT), or a TOML file
+    with the keys of docs/sensors.md. --sensor.* change single numbers of it."""
     scene: Path | None = None
-    """TOML file of a scene of one's own, in the place of a preset; its keys: docs/scenes.md."""
+    """TOML file of a custom scene in place of a preset; its keys: docs/scenes.md."""
     targets: Path | None = None
     """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
     randomize: bool = False
-    """Draw sensor, artefacts and surfaces about those given, by the seed: for training that must carry over
-    to real radar (docs/fidelity.md)."""
+    """Draw sensor, artefacts and surfaces around the given values, by the seed: for training that must carry
+    over to real radar (docs/fidelity.md)."""
+    manifest: Annotated[Path | None, tyro.conf.arg(name="from")] = None
+    """The echoscape.json of another dataset: its configuration gives the same bytes again. Options that are
+    given besides win over it."""
+    config: Path | None = None
+    """TOML file of options: keys are their names, dotted options are keys in tables (--artefacts.ghosts is
+    ghosts in [artefacts]). Options that are given by hand win over it."""
+    backend: Backend = field(default_factory=selected_backend)
+    """Compiler of the ray tracer: llvm for the CPU, cuda for an NVIDIA GPU. By default ECHOSCAPE_BACKEND."""
     workers: int = 1
     """Processes that make scans side by side; the result does not depend on it."""
     threads: int | None = None
     """Threads of each process; by default the processors are shared out."""
     resume: bool = False
-    """Go on with a run that was stopped: make only the scans that OUT lacks."""
+    """Continue a run that was stopped: make only the scans that OUT lacks."""
     preview: bool = True
     """Draw OUT/preview.png at the end."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the subcommand and return its exit code."""
+    """Run the subcommand.
+
+    Args:
+        arguments: The words after `echoscape simulate`.
+
+    Returns:
+        The exit code: 0 done, 1 failed on the way, 2 bad input, 130 interrupted.
+    """
     from echoscape.sim.datasets.files.atomic_write import DatasetError
 
     try:
-        default = _defaults(arguments)
-        options = parsed(Options, prog="echoscape simulate", arguments=arguments, default=default)
-        config = config_from_flags(options.simulation, scene=options.scene, targets=options.targets)
-        config = randomized(config) if options.randomize else config
+        words = with_config_file(Options, arguments)
+        options = parse(Options, prog="echoscape simulate", words=words, default=_defaults(words))
+        config = _config(options, words)
         _check(options)
+        use_backend(options.backend)
     except (DatasetError, ValueError) as error:
-        return _refused(str(error), 2)
+        return _refuse(str(error), 2)
     except OSError as error:
-        return _refused(f"OUT: {error.strerror}", 2)
+        return _refuse(f"OUT: {error.strerror}", 2)
     return _simulate(options, config)
 
 
-def _defaults(arguments: Sequence[str]) -> Options:
-    """Return the options where nothing more is said than --radar, which decides the sensor's numbers.
+def _defaults(words: Sequence[str]) -> Options:
+    """Return the options before any but --from and --radar, which decide the defaults of many others."""
+    manifest, radar = option_value("--from", words), option_value("--radar", words)
+    simulation = SimulationOptions()
+    if manifest:
+        from echoscape.sim.generation.config_json import read_config
 
-    Raises:
-        ArgumentsError: there is no such radar.
-    """
-    radar = said("--radar", arguments) or CTS350X.name
-    try:
-        sensor = sensor_from(radar)
-    except ValueError as error:
-        raise ArgumentsError(f"--radar: {error}") from error
-    return Options(out=tyro.MISSING, simulation=ConfigFlags(sensor=sensor), radar=radar)
+        config = read_config(Path(manifest))
+        simulation = SimulationOptions(
+            **{each.name: getattr(config, each.name) for each in fields(SimulationConfig)}
+        )
+    if radar:
+        try:
+            simulation = replace(simulation, sensor=sensor_from(radar))
+        except ValueError as error:
+            raise ArgumentsError(f"--radar: {error}") from error
+    return Options(out=tyro.MISSING, simulation=simulation)
+
+
+def _config(options: Options, words: Sequence[str]) -> SimulationConfig:
+    """Return the configuration of the run; a world that is given replaces the one of --from."""
+    simulation = options.simulation
+    if options.manifest is not None and options.scene is not None and option_value("--preset", words) is None:
+        simulation = replace(simulation, preset="")
+    if options.manifest is not None and option_value("--preset", words) is not None:
+        simulation = replace(simulation, scene=None)
+    config = simulation_config(simulation, scene=options.scene, targets=options.targets)
+    if not options.randomize:
+        return config
+    if config.randomized:
+        raise ArgumentsError(f"--randomize: {options.manifest} is of a dataset that was randomized already")
+    return randomized(config)
 
 
 def _check(options: Options) -> None:
@@ -88,56 +126,53 @@ def _check(options: Options) -> None:
 
 
 def _simulate(options: Options, config: SimulationConfig) -> int:
-    """Make the dataset of `config` as `options` say and return the exit code."""
+    """Make the dataset of `config` and return the exit code."""
     from echoscape.scenes.io.strict_toml import SceneError
     from echoscape.sim.datasets.files.atomic_write import DatasetError
-    from echoscape.sim.generation.dataset import write_dataset
     from echoscape.sim.generation.workers import WorkerError
 
-    import_module(
-        "echoscape.sim.raytracing.mitsuba_backend"
-    )  # a machine without what it needs is told before anything begins
-    console, start = Console(stderr=True), time.monotonic()
+    import_module("echoscape.sim.raytracing.mitsuba_backend")  # raises before anything is written
+    start = time.monotonic()
     try:
-        with Stages(console) as stages:
-            write_dataset(
-                options.out,
-                config,
-                workers=options.workers,
-                threads=options.threads,
-                resume=options.resume,
-                progress=stages.report,
-            )
-            if options.preview:
-                stages.report("preview", 0, 1)
-                _draw(options.out)
-                stages.report("preview", 1, 1)
+        _write(options, config)
         summary = _summary(options, config, seconds=time.monotonic() - start)
     except KeyboardInterrupt:
-        hint = (
-            "add --resume to go on"
-            if (options.out / "echoscape.json").exists()
-            else "nothing was left behind"
-        )
-        return _refused(f"interrupted; {hint}", 130)
+        begun = (options.out / "echoscape.json").exists()
+        return _refuse(f"interrupted; {'add --resume to continue' if begun else 'nothing was written'}", 130)
     except (DatasetError, SceneError) as error:
-        return _refused(str(error), 2)
+        return _refuse(str(error), 2)
     except WorkerError as error:
-        return _refused(f"{error}\nThe scans made so far are whole; add --resume to go on.", 1)
+        return _refuse(f"{error}\nThe scans made so far are complete; add --resume to continue.", 1)
     except OSError as error:
-        whole = " The scans made so far are whole; add --resume to go on." if options.out.exists() else ""
-        return _refused(f"OUT {options.out}: {error}.{whole}", 1 if whole else 2)
+        begun = options.out.exists()
+        hint = " The scans made so far are complete; add --resume to continue." if begun else ""
+        return _refuse(f"OUT {options.out}: {error}.{hint}", 1 if begun else 2)
     Console().print(summary)
     return 0
 
 
-def _draw(out: Path) -> None:
-    from echoscape.eval.figures.preview import preview
+def _write(options: Options, config: SimulationConfig) -> None:
+    """Write the dataset and its preview, with progress bars."""
+    from echoscape.sim.generation.dataset import write_dataset
 
-    preview(out)
+    with ProgressBars(Console(stderr=True)) as bars:
+        write_dataset(
+            options.out,
+            config,
+            workers=options.workers,
+            threads=options.threads,
+            resume=options.resume,
+            progress=bars.report,
+        )
+        if options.preview:
+            from echoscape.eval.figures.preview import preview
+
+            bars.report("preview", 0, 1)
+            preview(options.out)
+            bars.report("preview", 1, 1)
 
 
-def _refused(message: str, code: int) -> int:
+def _refuse(message: str, code: int) -> int:
     print(f"echoscape simulate: {message}", file=sys.stderr)
     return code
 
@@ -156,7 +191,10 @@ def _summary(options: Options, config: SimulationConfig, *, seconds: float) -> T
     for name, value in (
         ("folder", str(out)),
         ("world", f"{config.preset if config.scene is None else config.scene.file}, seed {config.seed}"),
-        ("scans", f"{config.scans} of {config.sensor.azimuths} x {config.sensor.bins} cells, with truth"),
+        (
+            "scans",
+            f"{config.scans} of {config.sensor.azimuths} azimuths x {config.sensor.bins} bins, with truth",
+        ),
         ("radar", f"{config.sensor.name}, in the layout of {config.folder_layout.name}"),
         ("driven", f"{driven_m:.1f} m"),
         ("size", f"{size / 1e6:.0f} MB"),

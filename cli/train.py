@@ -11,8 +11,8 @@ import torch
 import tyro
 from rich.console import Console
 
-from echoscape.cli.arguments import parsed
-from echoscape.cli.progress import Stages
+from echoscape.cli.arguments import parse
+from echoscape.cli.progress import ProgressBars
 from echoscape.learn.data.image import ImageSettings
 from echoscape.learn.data.scan_pairs import PairSet
 from echoscape.learn.model.keypoint_model import ModelSettings
@@ -76,7 +76,7 @@ class Options:
 def main(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit code."""
     try:
-        options = parsed(Options, prog="echoscape train", arguments=arguments)
+        options = parse(Options, prog="echoscape train", words=arguments)
         model_settings = options.model
         if options.threads is not None and options.threads < 1:
             raise ValueError(f"threads must be 1 or more, got {options.threads}")
@@ -93,7 +93,7 @@ def _train(options: Options, model_settings: ModelSettings) -> int:
         torch.set_num_threads(options.threads)
     console, since = Console(stderr=True), time.monotonic()
     try:
-        with Stages(console) as stages:
+        with ProgressBars(console) as stages:
             data = _data(options, model_settings.image, stages)
             train(
                 options.out,
@@ -116,7 +116,7 @@ def _train(options: Options, model_settings: ModelSettings) -> int:
     return 0
 
 
-def _data(options: Options, image: ImageSettings, stages: Stages) -> Data:
+def _data(options: Options, image: ImageSettings, stages: ProgressBars) -> Data:
     training = PairSet(options.data, image, cache=options.cache, report=stages.report)
     if not options.validate:
         return Data(training=training)
@@ -129,7 +129,7 @@ def _data(options: Options, image: ImageSettings, stages: Stages) -> Data:
     )
 
 
-def _report(stages: Stages, steps: int, line: dict[str, Any]) -> None:
+def _report(stages: ProgressBars, steps: int, line: dict[str, Any]) -> None:
     stages.report("steps", line["step"], steps)
     if "validation" in line:
         errors = line["validation"]

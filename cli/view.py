@@ -10,8 +10,8 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from echoscape.cli.arguments import parsed
-from echoscape.cli.progress import Stages
+from echoscape.cli.arguments import parse
+from echoscape.cli.progress import ProgressBars
 
 _MAILABLE_MB = 20.0
 
@@ -41,7 +41,7 @@ class Options:
 def main(arguments: Sequence[str]) -> int:
     """Run the subcommand and return its exit code."""
     try:
-        options = parsed(Options, prog="echoscape view", arguments=arguments)
+        options = parse(Options, prog="echoscape view", words=arguments)
         out = _written(options)
     except ValueError as error:  # what a data set lacks is one of them
         return _refused(str(error))
@@ -64,13 +64,13 @@ def _written(options: Options) -> Path:
         if options.data.is_dir() or options.out:
             raise ValueError(f"out must be a file in a folder that is there, got {out}")
         raise ValueError(f"DATA {options.data}: no such folder")
-    with Stages(Console(stderr=True)) as stages:
+    with ProgressBars(Console(stderr=True)) as bars:
         view = view_of(
             options.data,
             scans=options.scans,
             every=options.every,
             columns=options.columns,
-            progress=stages.report,
+            progress=bars.report,
         )
     write_whole(out, page_bytes(view))
     return out

@@ -75,7 +75,7 @@ def test_pairs_alone_and_points_as_they_are_are_asked_for_by_flags(
 ) -> None:
     out = tmp_path / "out"
     words = ["odometry", str(points), "--out", str(out), "--weights", str(weights)]
-    assert main([*words, "--pairs-alone", "--no-compensate"]) == 0
+    assert main([*words, "--solver", "robust", "--no-compensate"]) == 0
     assert json.loads((out / "metrics.json").read_text())["method"] == "learned, pairs alone, not compensated"
 
 
@@ -95,7 +95,7 @@ def test_the_sensor_says_by_how_much_what_approaches_seems_too_near(
     assert asked == [pytest.approx(CTS350X.doppler_beta_s), None]
 
 
-@pytest.mark.parametrize("flag", [("--pairs-alone",), ("--loop-pairs", "3"), ("--resolution", "0.3456")])
+@pytest.mark.parametrize("flag", [("--solver", "robust"), ("--loop-pairs", "3"), ("--resolution", "0.3456")])
 def test_what_only_the_learned_method_has_is_refused_with_others(
     flag: tuple[str, ...], points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
