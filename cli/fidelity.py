@@ -60,14 +60,14 @@ def _measured(options: Options) -> tuple["Fidelity", tuple[Path, ...]]:
     """Measure and write the report."""
     from echoscape.eval.fidelity.report import write_report
     from echoscape.eval.fidelity.score import fidelity
-    from echoscape.sim.datasets.files.atomic_write import check_out
+    from echoscape.sim.datasets.files.output_folder import check_output_folder
     from echoscape.sim.datasets.scan_folder import open_folder
 
     if options.out:
-        check_out(options.out)
+        check_output_folder(options.out)
     data, reference = open_folder(options.data), options.reference and open_folder(options.reference)
     out = options.out or options.data / "fidelity"
-    check_out(out)
+    check_output_folder(out)
     with ProgressBars(Console(stderr=True)) as bars:
         result = fidelity(data, reference=reference, progress=bars.report)
     return result, write_report(out, result)

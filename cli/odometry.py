@@ -88,13 +88,13 @@ def _run(options: Options) -> "tuple[OdometryResult, dict[str, Any], tuple[Path,
     from echoscape.eval.odometry.metrics import metrics
     from echoscape.eval.odometry.report import write_odometry_report
     from echoscape.eval.odometry.run import run_odometry
-    from echoscape.sim.datasets.files.atomic_write import check_out
+    from echoscape.sim.datasets.files.output_folder import check_output_folder
     from echoscape.sim.datasets.scan_folder import open_folder
     from echoscape.sim.numerics.malloc import keep_freed_memory
 
     _check(options)
     folder = open_folder(options.data)
-    check_out(options.out)
+    check_output_folder(options.out)
     keep_freed_memory()
     method = _method(options, folder)
     places = _places(options, folder)

@@ -24,8 +24,8 @@ SCENE, TARGETS = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
 def test_the_scene_of_the_page_can_be_driven_through(tmp_path: Path, rest: str) -> None:
     shutil.copy(ROOT / "examples" / "yard.obj", tmp_path)
     (tmp_path / "page.toml").write_text(SCENE + rest)
-    stage = build_scene(SimulationConfig(scene=read_user_scene(tmp_path / "page.toml"), scans=20))
-    assert len(stage.town.targets) == rest.count("[[target]]")
+    setup = build_scene(SimulationConfig(scene=read_user_scene(tmp_path / "page.toml"), scans=20))
+    assert len(setup.scene.targets) == rest.count("[[target]]")
 
 
 def test_the_targets_of_the_page_can_be_read(tmp_path: Path) -> None:
@@ -36,7 +36,7 @@ def test_the_targets_of_the_page_can_be_read(tmp_path: Path) -> None:
 def test_the_examples_can_be_used_together() -> None:
     scene = read_user_scene(ROOT / "examples" / "yard.toml")
     targets = read_targets(ROOT / "examples" / "targets.toml")
-    assert len(build_scene(SimulationConfig(scene=scene, scans=20, targets=targets)).town.targets) == 4
+    assert len(build_scene(SimulationConfig(scene=scene, scans=20, targets=targets)).scene.targets) == 4
 
 
 def test_the_tables_list_every_kind_material_and_class() -> None:

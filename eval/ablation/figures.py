@@ -1,6 +1,6 @@
-"""A picture an artefact: part of one scan without it, with it, and the difference, on the same scale in dB.
+"""One figure for each artefact: part of a scan without it, with it, and the difference, on the same scale.
 
-The part shown is that which the effect changes most (eval/ablation/crop.py); effects: eval/ablation/cases.py.
+The part shown is the one that the artefact changes most (eval/ablation/crop.py).
 """
 
 import io
@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
+from matplotlib.colors import Colormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Polygon
@@ -19,27 +18,37 @@ from PIL import Image
 
 from echoscape.eval.ablation.crop import Part, above_part, most_changed, polar_part
 from echoscape.eval.ablation.run import (
-    Change,
+    ArtefactChange,
+    CaseScans,
     Progress,
-    Shown,
     changes,
-    shown_effects,
+    markdown_table,
+    simulate_cases,
     strength_text,
-    table,
 )
-from echoscape.eval.figures.preview import ACCENT, FAINT, INK
-from echoscape.eval.figures.style import HEAT, PAGE
-from echoscape.sim.datasets.files.atomic_write import check_out, write_whole
-from echoscape.sim.datasets.polar_scan import PolarScan
+from echoscape.eval.figures.mover_boxes import ObservedBox, observed_boxes
+from echoscape.eval.figures.style import (
+    ACCENT,
+    BOX_COLOUR,
+    CHANGE_COLOURMAP,
+    ECHO_COLOURMAP,
+    FAINT,
+    FRAME,
+    INK,
+    OVERLAY_COLOURS,
+    PAGE,
+    new_page,
+    rgb_pixels,
+)
+from echoscape.sim.datasets.files.atomic_write import write_whole
+from echoscape.sim.datasets.files.output_folder import check_output_folder
 from echoscape.sim.generation.config import SimulationConfig
 
-BRIGHTEST_DB, MOST_CHANGE_DB = 50.0, 20.0
-"""Ends of the two scales [dB]."""
-CHANGE = LinearSegmentedColormap.from_list("change", ["#4fb3ff", "#1c4a7a", "#0b0e13", "#8a4a16", "#ffb454"])
-WITHOUT, WITH = np.array([1.0, 0.25, 0.2]), np.array([0.15, 0.85, 0.95])
-"""Colours of a scan without and with an effect where the two are laid over each other: together white."""
-MOVER = "#5dff8f"
+FULL_SCALE_DB, FULL_CHANGE_DB = 50.0, 20.0
+"""Ends of the scale of levels, and of the scale of differences [dB]."""
 _PANELS = 3
+_MIN_ARROW_M_S = 0.5
+"""Speed from which a box has an arrow [m/s]."""
 
 
 def write_artefacts(
@@ -49,52 +58,69 @@ def write_artefacts(
     *,
     names: Sequence[str] = (),
     progress: Progress | None = None,
-) -> tuple[list[Change], tuple[Path, ...]]:
-    """Write a picture for each effect and artefacts.md to `out`; return what each changes, and the paths.
+) -> tuple[list[ArtefactChange], tuple[Path, ...]]:
+    """Write a figure for each artefact, and artefacts.md with the table of changes.
 
-    Everything is made before the first file is written, and each is whole or absent.
+    Everything is made before the first file is written, and each file is whole or absent.
+
+    Args:
+        out: Folder to write to.
+        config: The data set that the scan is from.
+        index: Number of the scan, from 0.
+        names: Names of the artefacts, none for all.
+        progress: Called with stage, done and total.
+
+    Returns:
+        The changes, and the paths of the files.
 
     Raises:
-        ValueError, SceneError: see `eval.ablation.cases.shown_effects`.
+        ValueError: There is no such scan or artefact.
+        SceneError: A file of the scene is not valid.
         DatasetError: `out` is a file.
-        OSError: the folder cannot be written to.
+        OSError: The folder cannot be written to.
     """
-    check_out(out)
+    check_output_folder(out)
     report = progress or (lambda stage, done, total: None)
-    every = shown_effects(config, index, names=names, progress=progress)
-    rows = [row for shown in every for row in changes(shown)]
+    every = simulate_cases(config, index, names=names, progress=progress)
+    rows = [row for found in every for row in changes(found)]
     files = {}
-    for done, shown in enumerate(every):
-        report("pictures", done, len(every))
-        files[f"{shown.effect.name}.png"] = picture(shown)
-    report("pictures", len(every), len(every))
-    files["artefacts.md"] = table(rows).encode()
+    for done, found in enumerate(every):
+        report("figures", done, len(every))
+        files[f"{found.case.name}.png"] = case_figure(found)
+    report("figures", len(every), len(every))
+    files["artefacts.md"] = markdown_table(rows).encode()
     out.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
         write_whole(out / name, content)
     return rows, tuple(out / name for name in files)
 
 
-def picture(shown: Shown) -> bytes:
-    """Return the picture of an effect as a PNG."""
-    part = most_changed(shown)
-    polar = shown.effect.view == "polar"
-    figure = Figure(figsize=(4.05 * _PANELS, 4.6 if not polar else 3.3), dpi=100, facecolor=PAGE)
-    FigureCanvasAgg(figure)
+def case_figure(found: CaseScans) -> bytes:
+    """Draw the figure of an artefact.
+
+    Args:
+        found: The scan at each strength.
+
+    Returns:
+        A PNG file.
+    """
+    part = most_changed(found)
+    polar = found.case.view == "polar"
+    figure = new_page(4.05 * _PANELS, 4.6 if not polar else 3.3)
     top, bottom = (0.87, 0.115) if not polar else (0.83, 0.2)
     grid = figure.add_gridspec(1, _PANELS, left=0.045, right=0.985, top=top, bottom=bottom, wspace=0.1)
     axes = [figure.add_subplot(grid[0, place]) for place in range(_PANELS)]
-    pictures = [polar_part(scan, part) if polar else above_part(scan, part) for scan in shown.scans]
+    parts = [polar_part(scan, part) if polar else above_part(scan, part) for scan in found.scans]
+    scale = Normalize(0, FULL_SCALE_DB)
     images = []
-    for place, (each, values) in enumerate(zip(axes, pictures, strict=False)):
-        _titled(each, _strength_title(shown, place))
-        images.append(_show(each, values, part, polar=polar, colours=HEAT, scale=Normalize(0, BRIGHTEST_DB)))
-    if len(pictures) < _PANELS:
-        images.append(_compared(axes[-1], pictures, part, shown))
-    if shown.effect.movers:
-        for each in axes:
-            _mark_movers(each, shown.scans[-1])
-    _captioned(figure, shown, images)
+    for place, (each, values) in enumerate(zip(axes, parts, strict=False)):
+        _titled(each, _panel_title(found, place))
+        images.append(_show(each, values, part, polar=polar, colours=ECHO_COLOURMAP, scale=scale))
+    if len(parts) < _PANELS:
+        images.append(_compared(axes[-1], parts, part, found))
+    if found.case.boxes:
+        _draw_boxes(axes, found)
+    _captioned(figure, found, images)
     return _small_png(figure)
 
 
@@ -124,73 +150,71 @@ def _show(
 def _extent(values: NDArray, part: Part, *, polar: bool) -> tuple[float, float, float, float]:
     half = part.span_m / 2
     if polar:
-        return 0.0, part.span_m, 0.9 * (part.row + len(values)), 0.9 * part.row
-    return part.right_m - half, part.right_m + half, part.ahead_m - half, part.ahead_m + half
+        return 0.0, part.span_m, 0.9 * (part.azimuth + len(values)), 0.9 * part.azimuth
+    return part.right_m - half, part.right_m + half, part.forward_m - half, part.forward_m + half
 
 
-def _compared(axes: Axes, pictures: Sequence[NDArray], part: Part, shown: Shown) -> AxesImage:
-    """Draw what the effect changes: the difference, or both in two colours."""
-    polar = shown.effect.view == "polar"
-    scale = Normalize(-MOST_CHANGE_DB, MOST_CHANGE_DB)
-    if shown.effect.view == "overlay":
+def _compared(axes: Axes, parts: Sequence[NDArray], part: Part, found: CaseScans) -> AxesImage:
+    """Draw what an artefact changes: the difference, or both scans in two colours."""
+    polar = found.case.view == "polar"
+    scale = Normalize(-FULL_CHANGE_DB, FULL_CHANGE_DB)
+    if found.case.view == "overlay":
         _titled(axes, "red: off · cyan: on · white: both")
-        light = [np.clip((values - 6) / 34, 0, 1)[..., None] for values in pictures]
-        both = np.clip(light[0] * WITHOUT + light[1] * WITH, 0, 1)
-        return _show(axes, both, part, polar=polar, colours=HEAT, scale=scale)
-    _titled(axes, "difference")
-    return _show(axes, pictures[1] - pictures[0], part, polar=polar, colours=CHANGE, scale=scale)
+        light = [np.clip((values - 6) / 34, 0, 1)[..., None] for values in parts]
+        both = np.clip(light[0] * OVERLAY_COLOURS[0] + light[1] * OVERLAY_COLOURS[1], 0, 1)
+        return _show(axes, both, part, polar=polar, colours=ECHO_COLOURMAP, scale=scale)
+    _titled(axes, "difference (on minus off)")
+    return _show(axes, parts[1] - parts[0], part, polar=polar, colours=CHANGE_COLOURMAP, scale=scale)
 
 
-def _mark_movers(axes: Axes, scan: PolarScan) -> None:
-    """Outline the movers' boxes at mid-scan, with an arrow as far as each gets in a second."""
-    truth = scan.truth
-    if truth is None:
-        return
-    boxes, here = truth.boxes, truth.middle_pose
-    unit = np.array([(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)])
-    for centre, extent, yaw, speed in zip(boxes.centre, boxes.extent, boxes.yaw, boxes.velocity, strict=True):
-        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-        corners = _seen(unit * extent[:2] @ turn.T + centre[:2], here)
-        axes.add_patch(Polygon(corners, fill=False, ec=MOVER, lw=1.0))
-        if np.hypot(*speed[:2]) > 0.5:
-            start, end = _seen(np.array([centre[:2], centre[:2] + speed[:2]]), here)
-            axes.annotate(
-                "", end, start, arrowprops={"arrowstyle": "->", "color": MOVER}, annotation_clip=True
-            )
+def _draw_boxes(axes: Sequence[Axes], found: CaseScans) -> None:
+    """Outline the moving objects where each scan has them; the last panel has the boxes of the last scan."""
+    scans = [*zip(found.scans, found.motion_distortion, strict=True)]
+    scans += scans[-1:] * (len(axes) - len(scans))
+    for each, (scan, distortion) in zip(axes, scans, strict=True):
+        if scan.truth is not None:
+            for box in observed_boxes(scan, scan.truth, motion_distortion=distortion):
+                _draw_box(each, box)
 
 
-def _seen(points: NDArray, here: NDArray) -> NDArray[np.float64]:
-    """Return points (N, 2) of the world as (right, ahead) of the car at `here` (x, y, z, yaw) [m]."""
-    cosine, sine = np.cos(here[3]), np.sin(here[3])
-    return (points - here[:2]) @ np.array([[sine, cosine], [-cosine, sine]])
+def _draw_box(axes: Axes, box: ObservedBox) -> None:
+    """Draw the outline of a box, with an arrow of its travel in 1 s."""
+    axes.add_patch(Polygon(box.corners_m(), fill=False, ec=BOX_COLOUR, lw=1.0))
+    if box.speed_m_s > _MIN_ARROW_M_S:
+        ahead = np.array([np.sin(box.heading_rad), np.cos(box.heading_rad)])
+        front = np.array([box.right_m, box.forward_m]) + ahead * box.length_m / 2
+        style = {"arrowstyle": "->", "color": BOX_COLOUR, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", front + ahead * box.speed_m_s, front, arrowprops=style, annotation_clip=True)
 
 
-def _strength_title(shown: Shown, place: int) -> str:
-    text = strength_text(shown.strengths[place], shown.effect.unit)
+def _panel_title(found: CaseScans, place: int) -> str:
+    text = strength_text(found.case, found.strengths[place])
     return f"on: {text}" if place else text
 
 
 def _titled(axes: Axes, title: str) -> None:
     axes.set_facecolor(PAGE)
     axes.tick_params(colors=FAINT, labelsize=8, length=0, pad=3)
-    axes.spines[:].set_color("#2a313b")
+    axes.spines[:].set_color(FRAME)
     axes.set_title(title, size=11, color=INK, loc="left", pad=5)
 
 
-def _captioned(figure: Figure, shown: Shown, images: Sequence[AxesImage]) -> None:
-    """Write name and meaning above the panels, scales below them."""
-    name = shown.effect.name.replace("_", " ")
+def _captioned(figure: Figure, found: CaseScans, images: Sequence[AxesImage]) -> None:
+    """Write name and caption above the panels, scales below them."""
+    name = found.case.name.replace("_", " ")
     figure.text(0.045, 0.965, name, size=13, color=INK, weight="bold", va="center")
-    figure.text(0.985, 0.965, shown.effect.text, size=10.5, color=FAINT, va="center", ha="right")
+    figure.text(0.985, 0.965, found.case.text, size=10.5, color=FAINT, va="center", ha="right")
     axes = (
         "azimuth [deg] down, range [m] across"
-        if shown.effect.view == "polar"
-        else "ahead [m] up, right [m] across"
+        if found.case.view == "polar"
+        else "forward [m] up, right [m] across"
     )
-    figure.text(0.045, 0.032, axes, size=9, color=FAINT, va="center")
-    _scale(figure, images[0], (0.40, 0.022, 0.17, 0.022), "dB")
-    if len(shown.scans) == 2 and shown.effect.view != "overlay":
-        _scale(figure, images[-1], (0.77, 0.022, 0.17, 0.022), "dB")
+    boxes = " · boxes: truth at the time of their azimuth, arrow: travel in 1 s" if found.case.boxes else ""
+    figure.text(0.045, 0.032, axes + boxes, size=9, color=FAINT, va="center")
+    left = 0.60 if boxes else 0.40
+    _scale(figure, images[0], (left, 0.022, 0.12 if boxes else 0.17, 0.022), "dB")
+    if len(found.scans) == 2 and found.case.view != "overlay":
+        _scale(figure, images[-1], (0.82 if boxes else 0.77, 0.022, 0.12 if boxes else 0.17, 0.022), "dB")
 
 
 def _scale(figure: Figure, image: AxesImage, place: tuple[float, float, float, float], unit: str) -> None:
@@ -205,10 +229,8 @@ def _scale(figure: Figure, image: AxesImage, place: tuple[float, float, float, f
 
 
 def _small_png(figure: Figure) -> bytes:
-    """Return a figure as a PNG of few colours: the two scales, ink, and coarse steps of all others."""
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    whole = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    """Return a figure as a PNG of few colours: the two scales, text, and coarse steps of the overlay."""
+    whole = Image.fromarray(rgb_pixels(figure))
     palette = Image.new("P", (1, 1))
     palette.putpalette(_palette().tobytes())
     data = io.BytesIO()
@@ -217,10 +239,11 @@ def _small_png(figure: Figure) -> bytes:
 
 
 def _palette() -> NDArray[np.uint8]:
-    """Return the colours (N, 3) that pictures are made of."""
-    page, inks = np.array(to_rgb(PAGE)), [np.array(to_rgb(ink)) for ink in (INK, ACCENT, MOVER)]
+    """Return the colours (N, 3) of the figures."""
+    page, inks = np.array(to_rgb(PAGE)), [np.array(to_rgb(ink)) for ink in (INK, ACCENT, BOX_COLOUR)]
     fades = [page + (ink - page) * share for ink in inks for share in np.linspace(0, 1, 8)]
     steps = np.linspace(0, 1, 7)
-    overlay = [np.clip(red * WITHOUT + cyan * WITH, 0, 1) for red in steps for cyan in steps]
-    scales = [HEAT(np.linspace(0, 1, 64))[:, :3], CHANGE(np.linspace(0, 1, 47))[:, :3]]
+    red, cyan = OVERLAY_COLOURS
+    overlay = [np.clip(one * red + other * cyan, 0, 1) for one in steps for other in steps]
+    scales = [ECHO_COLOURMAP(np.linspace(0, 1, 64))[:, :3], CHANGE_COLOURMAP(np.linspace(0, 1, 47))[:, :3]]
     return np.rint(255 * np.concatenate([*scales, fades, overlay])).astype(np.uint8)

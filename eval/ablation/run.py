@@ -1,14 +1,15 @@
-"""What each artefact does to one scan: the scan without it and with it, and how many cells that changes.
+"""One scan without and with each artefact, and the share of its cells that this changes.
 
-The scan is traced once for all but those effects that change where rays go (`sim.simulator.Simulator.scans`).
+The scan is traced once for all settings but those that change where rays go (`sim.simulator.Simulator.scans`).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from echoscape.eval.ablation.cases import OWN, Effect, chosen
+from echoscape.eval.ablation.cases import NOMINAL, ArtefactCase, chosen_cases
 from echoscape.scenes.driving.ego_drive import EgoDrive
 from echoscape.scenes.traffic.plan import plan_traffic
 from echoscape.sim.datasets.polar_scan import PolarScan
@@ -18,155 +19,222 @@ from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.sim.simulator import Simulator
 
 Progress = Callable[[str, int, int], None]
-"""Called with a stage (town, scans, pictures), how much of it is done, and how much there is to do."""
+"""Called with a stage (town, scans, figures), how much of it is done, and how much there is to do."""
 
 CHANGED_DB = 3.0
-"""Cells whose level differs by so much count as changed: twice the power."""
+"""Difference of level from which a cell counts as changed [dB]: twice the power."""
 
-
-HEADS = (
-    "effect",
+TABLE_COLUMNS = (
+    "artefact",
     "strength",
     "mean code",
     f"cells {CHANGED_DB:g} dB weaker [%]",
     "stronger [%]",
-    "clipped rows",
+    "clipped azimuths",
 )
 """Columns of the table of changes."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown:
-    """One effect on one scan: `scans` without it and at each of `strengths`, which begin with 0."""
+class CaseScans:
+    """One scan under the strengths of one artefact.
 
-    effect: Effect
+    Attributes:
+        case: How the artefact is shown.
+        strengths: Strengths, the first of them 0.
+        scans: The scan at each of them.
+        motion_distortion: Motion distortion of each scan, as in `sim.settings.artefacts.Artefacts`.
+    """
+
+    case: ArtefactCase
     strengths: tuple[float, ...]
     scans: tuple[PolarScan, ...]
+    motion_distortion: tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
-    """What a strength changes against none.
+class ArtefactChange:
+    """The effect of one strength of an artefact, compared with the scan without it.
 
-    mean_code: of the scan with it; weaker, stronger: shares of cells that differ by CHANGED_DB or more
-    [percent]; clipped: rows that the converter clips.
+    Attributes:
+        artefact: Name of the artefact.
+        strength: The strength.
+        strength_text: The strength with its unit, "off" for 0.
+        mean_code: Mean code of the scan [half dB].
+        weaker_percent: Cells that are weaker by `CHANGED_DB` or more [%].
+        stronger_percent: Cells that are stronger by `CHANGED_DB` or more [%].
+        clipped: Azimuths in which the converter clips.
     """
 
-    effect: str
+    artefact: str
     strength: float
-    unit: str
+    strength_text: str
     mean_code: float
-    weaker: float
-    stronger: float
+    weaker_percent: float
+    stronger_percent: float
     clipped: int
 
 
-def shown_effects(
+def simulate_cases(
     config: SimulationConfig, index: int, *, names: Sequence[str] = (), progress: Progress | None = None
-) -> tuple[Shown, ...]:
-    """Make scan `index` of `config` without and with each of the effects `names` (none: all).
+) -> tuple[CaseScans, ...]:
+    """Simulate one scan without and with each of some artefacts.
+
+    Args:
+        config: The data set that the scan is from.
+        index: Number of the scan, from 0.
+        names: Names of the artefacts, none for all.
+        progress: Called with stage, done and total.
+
+    Returns:
+        The scans of each artefact.
 
     Raises:
-        ValueError: there is no such scan or effect.
-        SceneError: see `sim.generation.setup.staged`.
+        ValueError: There is no such scan or artefact.
+        SceneError: A file of the scene is not valid, as in `sim.generation.setup.build_scene`.
     """
-    effects = chosen(names)
+    cases = chosen_cases(names)
     check_index(config, index)
     report = progress or (lambda stage, done, total: None)
     simulator = _simulator(config, report)
-    strengths = [_strengths(effect, config) for effect in effects]
+    strengths = [_strengths(case, config) for case in cases]
     settings = [
-        replace(config.artefacts, **{effect.name: strength})
-        for effect, levels in zip(effects, strengths, strict=True)
+        replace(config.artefacts, **{case.name: strength})
+        for case, levels in zip(cases, strengths, strict=True)
         for strength in levels
     ]
     report("scans", 0, 1)
-    scans = iter(simulator.scans(index, settings))
+    scans = iter(zip(simulator.scans(index, settings), settings, strict=True))
     report("scans", 1, 1)
-    return tuple(
-        Shown(effect=effect, strengths=levels, scans=tuple(next(scans) for _ in levels))
-        for effect, levels in zip(effects, strengths, strict=True)
-    )
+    found = []
+    for case, levels in zip(cases, strengths, strict=True):
+        made, used = zip(*(next(scans) for _ in levels), strict=True)
+        distortion = tuple(each.motion_distortion for each in used)
+        found.append(CaseScans(case=case, strengths=levels, scans=made, motion_distortion=distortion))
+    return tuple(found)
 
 
 def check_index(config: SimulationConfig, index: int) -> None:
-    """Refuse a scan that the config does not have."""
+    """Refuse a scan that a data set does not have.
+
+    Args:
+        config: The data set.
+        index: Number of the scan, from 0.
+
+    Raises:
+        ValueError: There is no such scan.
+    """
     if not 0 <= index < config.scans:
         raise ValueError(f"scan must be between 0 and {config.scans - 1}, got {index}")
 
 
-def changes(shown: Shown) -> list[Change]:
-    """Return what each strength of an effect changes, the first being none."""
-    base = levels_db(shown.scans[0])
-    found = []
-    for strength, scan in zip(shown.strengths, shown.scans, strict=True):
-        more = levels_db(scan) - base
-        assert scan.truth is not None
-        found.append(
-            Change(
-                effect=shown.effect.name,
+def changes(found: CaseScans) -> list[ArtefactChange]:
+    """Measure how each strength of an artefact changes a scan.
+
+    Args:
+        found: The scan at each strength.
+
+    Returns:
+        One entry for each strength, the first without the artefact.
+    """
+    base = levels_db(found.scans[0])
+    rows = []
+    for strength, scan in zip(found.strengths, found.scans, strict=True):
+        difference_db = levels_db(scan) - base
+        if scan.truth is None:
+            raise ValueError("scans of an ablation must have their truth")
+        rows.append(
+            ArtefactChange(
+                artefact=found.case.name,
                 strength=strength,
-                unit=shown.effect.unit,
+                strength_text=strength_text(found.case, strength),
                 mean_code=float(scan.codes.mean()),
-                weaker=100 * float(np.mean(more <= -CHANGED_DB)),
-                stronger=100 * float(np.mean(more >= CHANGED_DB)),
+                weaker_percent=100 * float(np.mean(difference_db <= -CHANGED_DB)),
+                stronger_percent=100 * float(np.mean(difference_db >= CHANGED_DB)),
                 clipped=int(scan.truth.saturated.sum()),
             )
         )
-    return found
+    return rows
 
 
-def levels_db(scan: PolarScan) -> np.ndarray:
-    """Return the levels (azimuths, bins) float32 of a scan [dB]."""
-    return scan.codes.astype(np.float32) / 2
+def levels_db(scan: PolarScan) -> NDArray[np.float32]:
+    """Return the levels of a scan.
+
+    Args:
+        scan: The scan.
+
+    Returns:
+        Levels (azimuths, bins) float32 [dB].
+    """
+    return scan.codes.astype(np.float32) / np.float32(2)
 
 
-def strength_text(strength: float, unit: str) -> str:
-    """Return a strength in words, with its unit."""
-    if not strength:
-        return "off"
-    return f"{strength:.3g} {unit}" if strength < 999 else f"{strength:.0f} {unit}"
+def strength_text(case: ArtefactCase, strength: float) -> str:
+    """Write a strength in the unit that an engineer uses.
+
+    Args:
+        case: The artefact.
+        strength: Its strength.
+
+    Returns:
+        The text, "off" for 0.
+    """
+    return case.strength_text(strength) if strength else "off"
 
 
-def table(rows: Sequence[Change]) -> str:
-    """Return the changes as a table in Markdown."""
+def markdown_table(rows: Sequence[ArtefactChange]) -> str:
+    """Write changes as a table in Markdown.
+
+    Args:
+        rows: The changes.
+
+    Returns:
+        The table with its head.
+    """
     lines = [
-        f"| {' | '.join(HEADS)} |",
+        f"| {' | '.join(TABLE_COLUMNS)} |",
         "|---|---|---:|---:|---:|---:|",
     ]
-    lines += [f"| {' | '.join(words(row))} |" for row in rows]
+    lines += [f"| {' | '.join(table_row(row))} |" for row in rows]
     return "\n".join(lines) + "\n"
 
 
-def words(row: Change) -> list[str]:
-    """Return a row of the table."""
+def table_row(row: ArtefactChange) -> list[str]:
+    """Write one change as the texts of a row of the table.
+
+    Args:
+        row: The change.
+
+    Returns:
+        A text for each of `TABLE_COLUMNS`.
+    """
     return [
-        row.effect.replace("_", " "),
-        strength_text(row.strength, row.unit),
+        row.artefact.replace("_", " "),
+        row.strength_text,
         f"{row.mean_code:.2f}",
-        f"{row.weaker:.1f}" if row.strength else "",
-        f"{row.stronger:.1f}" if row.strength else "",
+        f"{row.weaker_percent:.1f}" if row.strength else "",
+        f"{row.stronger_percent:.1f}" if row.strength else "",
         str(row.clipped),
     ]
 
 
-def _strengths(effect: Effect, config: SimulationConfig) -> tuple[float, ...]:
-    """Return 0 and the strengths at which an effect is shown, as numbers."""
-    own = getattr(config.artefacts.strengths(config.sensor), effect.name)
-    own = own or getattr(Artefacts().strengths(config.sensor), effect.name)
-    return (0.0, *(own if strength == OWN else strength for strength in effect.strengths))
+def _strengths(case: ArtefactCase, config: SimulationConfig) -> tuple[float, ...]:
+    """Return 0 and the strengths at which an artefact is shown."""
+    nominal = getattr(config.artefacts.strengths(config.sensor), case.name)
+    nominal = nominal or getattr(Artefacts().strengths(config.sensor), case.name)
+    return (0.0, *(nominal if strength == NOMINAL else strength for strength in case.strengths))
 
 
 def _simulator(config: SimulationConfig, report: Progress) -> Simulator:
     report("town", 0, 1)
-    stage = build_scene(config)
+    setup = build_scene(config)
     movers = ()
-    if isinstance(stage.drive, EgoDrive):
-        movers = plan_traffic(stage.town, stage.drive, seed=config.seed, settings=config.traffic)
+    if isinstance(setup.drive, EgoDrive):
+        movers = plan_traffic(setup.town, setup.drive, seed=config.seed, settings=config.traffic)
     report("town", 1, 1)
     return Simulator(
-        stage.town,
-        stage.drive,
+        setup.town,
+        setup.drive,
         movers,
         seed=config.seed,
         sensor=config.sensor,

@@ -18,7 +18,8 @@ from echoscape.eval.fidelity.score import (
     span_text,
     tolerance_text,
 )
-from echoscape.sim.datasets.files.atomic_write import check_out, write_whole
+from echoscape.sim.datasets.files.atomic_write import write_whole
+from echoscape.sim.datasets.files.output_folder import check_output_folder
 
 # ---------------------------------------------------------------------- words
 
@@ -70,7 +71,7 @@ def write_report(out: Path, result: Fidelity) -> tuple[Path, ...]:
     """
     from echoscape.eval.fidelity.figure import page  # matplotlib is slow to load
 
-    check_out(out)
+    check_output_folder(out)
     files = {
         "fidelity.json": json_text(result).encode(),
         "fidelity.md": markdown(result).encode(),

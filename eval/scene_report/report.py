@@ -1,11 +1,10 @@
-"""Writes a scene to look at before any radar does: scene.glb, plan.png and scene.json with its numbers.
+"""Writes a scene without any radar: scene.glb, plan.png, and scene.json with its counts.
 
-The folder appears whole or not at all: it is made beside its place and moved there when it is done.
+The files appear whole or not at all: they are made beside the folder and moved there at the end.
 """
 
 import json
 import os
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -13,98 +12,99 @@ from pathlib import Path
 
 import numpy as np
 
-from echoscape.eval.scene_report.figure import Picture, scene_page
+from echoscape.eval.scene_report.figure import ScenePlan, scene_page
 from echoscape.eval.scene_report.statistics import Inventory, inventory
 from echoscape.scenes.io.gltf_export import town_to_glb
-from echoscape.sim.datasets.files.atomic_write import DatasetError, temporary_beside
+from echoscape.sim.datasets.files.atomic_write import temporary_beside
+from echoscape.sim.datasets.files.output_folder import (
+    check_output_folder,
+    make_output_folder,
+    remove_output_folder,
+)
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.setup import SceneSetup, build_scene
 
 Progress = Callable[[str, int, int], None]
 """Called with a stage (world, glb, plan), how much of it is done, and how much there is to do."""
 
-_WAY_STEP_S = 0.1
+_PATH_STEP_S = 0.1
 
 
 def write_scene(out: Path, config: SimulationConfig, *, progress: Progress | None = None) -> Inventory:
-    """Build the world of `config` and write it to `out`, which must be new or empty; return its numbers.
+    """Build the world of a configuration and write its files.
 
-    A drive of one's own is shown whole, that of a preset as far as the config's scans go.
+    A user's drive is shown whole, that of a preset as far as the scans of the configuration go.
+
+    Args:
+        out: Folder to write to, new or empty.
+        config: What `echoscape simulate` would make.
+        progress: Called with stage, done and total.
+
+    Returns:
+        The counts of the scene.
 
     Raises:
         DatasetError: `out` is a file, is not empty, or cannot be made.
-        SceneError: see `sim.generation.setup.staged`.
+        SceneError: A file of the scene is not valid, as in `sim.generation.setup.build_scene`.
         OSError: `out` cannot be written to.
     """
     report = progress or (lambda stage, done, total: None)
-    check_empty(out)
+    check_output_folder(out, empty=True)
     report("world", 0, 1)
-    stage = build_scene(config, whole_drive=config.scene is not None)
-    numbers = inventory(stage.town)
+    setup = build_scene(config, whole_drive=config.scene is not None)
+    counts = inventory(setup.scene)
     report("world", 1, 1)
     with _new_folder(out) as folder:
         report("glb", 0, 1)
-        (folder / "scene.glb").write_bytes(town_to_glb(stage.town))
+        (folder / "scene.glb").write_bytes(town_to_glb(setup.scene))
         report("glb", 1, 1)
         report("plan", 0, 1)
-        page = scene_page(_picture(folder / "scene.glb", config, stage, numbers))
+        page = scene_page(_plan(folder / "scene.glb", config, setup, counts))
         (folder / "plan.png").write_bytes(page)
-        (folder / "scene.json").write_text(_json(config, stage, numbers))
+        (folder / "scene.json").write_text(_json(config, setup, counts))
         report("plan", 1, 1)
-    return numbers
+    return counts
 
 
-def check_empty(out: Path) -> None:
-    """Refuse a folder that cannot be written; for errors see `write_scene`."""
-    if out.exists() and not out.is_dir():
-        raise DatasetError(f"OUT must be a folder, {out} is a file")
-    if out.is_dir() and any(out.iterdir()):
-        raise DatasetError(f"OUT must be empty or new, {out} is not")
-    place = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
-    if not (place.is_dir() and os.access(place, os.W_OK | os.X_OK)):
-        raise DatasetError(f"OUT cannot be made: {place} cannot be written to")
-
-
-def world_name(config: SimulationConfig) -> str:
-    """Return what the world of a configuration is called: its mesh, or its preset and seed."""
+def _world_name(config: SimulationConfig) -> str:
+    """Return the name of the world: the file of its mesh, or its preset and seed."""
     return f"{config.preset}, seed {config.seed}" if config.scene is None else config.scene.file
 
 
-def _picture(scene_file: Path, config: SimulationConfig, stage: SceneSetup, numbers: Inventory) -> Picture:
-    return Picture(
+def _plan(scene_file: Path, config: SimulationConfig, setup: SceneSetup, counts: Inventory) -> ScenePlan:
+    return ScenePlan(
         scene_file=scene_file,
-        title=f"{world_name(config)}  ·  north up, metres",
-        numbers=numbers,
-        way=stage.drive.trajectory.pose(_way_times(config, stage))[:, :2],
-        targets=stage.town.targets,
+        title=f"{_world_name(config)}  ·  north up, metres",
+        inventory=counts,
+        path=setup.drive.trajectory.pose(_path_times_s(config, setup))[:, :2],
+        targets=setup.scene.targets,
         all_faces=config.scene is not None,
     )
 
 
-def _way_times(config: SimulationConfig, stage: SceneSetup) -> np.ndarray:
-    """Return the times at which the way that is shown is sampled [s]."""
-    until_s = stage.drive.duration_s
+def _path_times_s(config: SimulationConfig, setup: SceneSetup) -> np.ndarray:
+    """Return the times (P,) at which the drive on the plan is sampled [s]."""
+    until_s = setup.drive.duration_s
     if config.scene is None:
-        until_s = min(until_s, config.scans * config.longest_turn_s)
-    return np.linspace(0.0, until_s, int(np.ceil(until_s / _WAY_STEP_S)) + 1)
+        until_s = min(until_s, config.scans * config.longest_revolution_s)
+    return np.linspace(0.0, until_s, int(np.ceil(until_s / _PATH_STEP_S)) + 1)
 
 
-def _json(config: SimulationConfig, stage: SceneSetup, numbers: Inventory) -> str:
+def _json(config: SimulationConfig, setup: SceneSetup, counts: Inventory) -> str:
     content = {
-        "world": world_name(config),
-        **asdict(numbers),
-        "drive_s": round(stage.drive.duration_s, 3),
-        "targets": [{"instance": placed.instance, **asdict(placed.target)} for placed in stage.town.targets],
+        "world": _world_name(config),
+        **asdict(counts),
+        "drive_s": round(setup.drive.duration_s, 3),
+        "targets": [{"instance": placed.instance, **asdict(placed.target)} for placed in setup.scene.targets],
     }
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
 @contextmanager
 def _new_folder(out: Path) -> Iterator[Path]:
-    """Yield a folder beside `out` whose files are moved there at the end; nothing of it stays on an error."""
+    """Yield a folder beside `out` whose files are moved there at the end; on an error nothing stays."""
     out = out.absolute()
-    made = [folder for folder in (out, *out.parents) if not folder.exists()]
-    out.mkdir(parents=True, exist_ok=True)
+    made = make_output_folder(out)
     folder = temporary_beside(out / "scene")
     try:
         folder.mkdir()
@@ -113,12 +113,5 @@ def _new_folder(out: Path) -> Iterator[Path]:
             os.replace(path, out / path.name)
         folder.rmdir()
     except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        for name in ("scene.glb", "plan.png", "scene.json"):
-            (out / name).unlink(missing_ok=True)
-        for empty in made:
-            try:
-                empty.rmdir()
-            except OSError:
-                break
+        remove_output_folder(out, made)
         raise

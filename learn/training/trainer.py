@@ -41,6 +41,7 @@ from echoscape.learn.training.losses import likelihood_loss, match_loss, pose_er
 from echoscape.learn.training.plots import draw_training
 from echoscape.learn.training.validation import fixed_pairs, pair_errors
 from echoscape.sim.datasets.files.atomic_write import DatasetError, remove_temporaries, write_whole
+from echoscape.sim.datasets.files.output_folder import check_output_folder
 
 SETTINGS_FILE = "settings.json"
 
@@ -131,8 +132,8 @@ class _Run:
         """Make the folder, or take up what is in it."""
         if resume:
             self._take_up(read_checkpoint(self.out))
-        elif self.out.exists() and (not self.out.is_dir() or any(self.out.iterdir())):
-            raise DatasetError(f"{self.out}: must be empty or new, or a run to resume")
+        else:
+            check_output_folder(self.out, empty=True, hint="--resume continues a run that was stopped")
         if self.world > 1:
             distributed.barrier()
         if self.rank == 0 and not resume:

@@ -1,6 +1,6 @@
-"""What a dataset is made from: a world, a seed, a number of scans, and every setting of what makes them.
+"""The configuration of a simulation: a world, a seed, a number of scans, and the settings of every stage.
 
-A configuration is checked when it is made, so that nothing senseless gets as far as a file or a ray.
+It is checked when it is made, so that a setting that cannot be simulated is refused before any work is done.
 """
 
 import math
@@ -14,6 +14,7 @@ from echoscape.scenes.town.presets import PRESETS
 from echoscape.scenes.traffic.plan import TrafficSettings
 from echoscape.sim.datasets.layouts.layout import Layout
 from echoscape.sim.datasets.layouts.registry import LAYOUTS, LayoutName, home_of
+from echoscape.sim.kinematics.rolling_scan import LONGEST_DEVIATION
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.sensor import Sensor
 from echoscape.sim.settings.artefacts import Artefacts
@@ -21,57 +22,54 @@ from echoscape.sim.settings.surfaces import SurfaceSettings
 from echoscape.sim.settings.tracing import TraceSettings
 
 DEFAULT_PRESET = "town"
-OWN = "own"
-"""What the preset is called where the scene is one's own."""
-
-_JITTERS = 2.5
-"""Standard deviations beyond which no turn's duration is drawn (sim.motion.turns)."""
+CUSTOM_PRESET = "own"
+"""The preset's name where the scene is a custom one."""
 
 _POSITIVE = ("traffic.near_m", "traffic.step_s", "drive.knot_s", "drive.corner_m", "drive.wander_length_m")
 
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationConfig:
-    """All that decides the bytes of a dataset."""
+    """All settings that decide the bytes of a data set."""
 
     preset: str = ""
-    """Kind of world: town (where nothing is said), suburb, industrial, motorway, open or empty."""
+    """Kind of world: town (the default), suburb, industrial, motorway, open or empty."""
     seed: int = 0
     """Seed of everything that is drawn: the town, the drive, the traffic, rays, speckle and noise."""
     scans: int = 40
-    """Scans to make, four a second of driving."""
+    """Scans to simulate, four a second of driving."""
     keep_beat: bool = False
-    """Keep the sampled beat signal of every scan in OUT/beat, for processing of one's own."""
+    """Keep the sampled beat signal of every scan in OUT/beat, for your own signal processing."""
     sensor: Sensor = CTS350X
     """The radar."""
     layout: LayoutName | None = None
-    """Layout of the folder; by default that in which the radar's real scans are published, or Oxford's."""
+    """Layout of the folder; by default the one in which this radar's real scans are published, or Oxford's."""
     trace: TraceSettings = field(default_factory=TraceSettings)
-    """How finely and how far a scan is traced."""
+    """Number of rays and bounces, and the weakest echo that is kept."""
     artefacts: Artefacts = field(default_factory=Artefacts)
-    """The effects that a scan has."""
+    """Strengths of the artefacts."""
     surfaces: SurfaceSettings = field(default_factory=SurfaceSettings)
-    """How rough the world is against its materials' own figures."""
+    """Roughness of the world relative to the values of its materials."""
     drive: DriveSettings = field(default_factory=DriveSettings)
     """How the car is driven."""
     traffic: TrafficSettings = field(default_factory=TrafficSettings)
-    """Who else is on the road; not beside a scene of one's own."""
+    """Other road users; not with a custom scene."""
     scene: UserScene | None = None
-    """A scene of one's own in the place of a preset, see `scenes.io.user_scene`; preset is then "own"."""
+    """A custom scene in place of a preset, see `scenes.io.user_scene`; preset is then "own"."""
     targets: tuple[AnyTarget, ...] = ()
-    """Test targets put into the world besides those that the scene brings, see `scenes.core.targets`."""
+    """Test targets in addition to those of the scene, see `scenes.core.targets`."""
     randomized: bool = False
-    """Whether sensor, artefacts and surfaces were drawn about those given (`sim.generation.domain_randomization`)."""
+    """Whether sensor, artefacts and surfaces were drawn by `sim.generation.domain_randomization`."""
 
     def __post_init__(self) -> None:
-        """Name the world where nothing was said; refuse settings that make no dataset, naming the setting."""
-        if self.preset in ("", OWN) and (self.scene is not None or not self.preset):
-            object.__setattr__(self, "preset", DEFAULT_PRESET if self.scene is None else OWN)
+        """Fill in the preset; refuse settings that cannot be simulated, naming the setting."""
+        if self.preset in ("", CUSTOM_PRESET) and (self.scene is not None or not self.preset):
+            object.__setattr__(self, "preset", DEFAULT_PRESET if self.scene is None else CUSTOM_PRESET)
         elif self.scene is not None:
             raise ValueError(f"preset must not be given beside a scene, got {self.preset!r}")
         if self.scene is not None:
-            _check_unsaid("traffic", self.traffic, "which has no traffic")
-            _check_unsaid("drive", self.drive, "which brings its drive")
+            _check_default("traffic", self.traffic, "which has no traffic")
+            _check_default("drive", self.drive, "which brings its drive")
         if self.scene is None and self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
         if self.seed < 0:
@@ -82,7 +80,7 @@ class SimulationConfig:
             raise ValueError(f"scans must be 1 or more, got {self.scans}")
         if not 0 <= self.sensor.rotation_jitter_s < 0.1 / self.sensor.rotation_hz:
             raise ValueError(
-                "sensor.rotation_jitter_s must be 0 or more and below a tenth of a turn, "
+                "sensor.rotation_jitter_s must be 0 or more and below a tenth of a revolution, "
                 f"got {self.sensor.rotation_jitter_s}"
             )
         for name, value in (*_numbers("drive", self.drive), *_numbers("traffic", self.traffic)):
@@ -95,22 +93,22 @@ class SimulationConfig:
 
     @property
     def folder_layout(self) -> Layout:
-        """The layout of the dataset's folder."""
+        """Layout of the data set's folder."""
         return home_of(self.sensor.name) if self.layout is None else LAYOUTS[self.layout]
 
     @property
     def duration_s(self) -> float:
-        """Length of a drive that outlasts the scans [s], however long their turns turn out."""
-        return 1.0 + self.scans * self.longest_turn_s
+        """Duration of a drive that outlasts the scans, however long their revolutions are drawn [s]."""
+        return 1.0 + self.scans * self.longest_revolution_s
 
     @property
-    def longest_turn_s(self) -> float:
-        """The longest that a turn can last [s]."""
-        return 1 / self.sensor.rotation_hz + _JITTERS * self.sensor.rotation_jitter_s
+    def longest_revolution_s(self) -> float:
+        """Longest possible revolution of the antenna [s]."""
+        return 1 / self.sensor.rotation_hz + LONGEST_DEVIATION * self.sensor.rotation_jitter_s
 
 
-def _check_unsaid(name: str, settings: object, why: str) -> None:
-    """Refuse settings of which something is said beside a scene of one's own, where they would do nothing."""
+def _check_default(name: str, settings: object, why: str) -> None:
+    """Refuse settings that have no effect beside a custom scene unless they are the default ones."""
     for (place, value), (_, default) in zip(
         _numbers(name, settings), _numbers(name, type(settings)()), strict=True
     ):
@@ -131,7 +129,7 @@ def _numbers(name: str, settings: object) -> Iterator[tuple[str, float]]:
 
 
 def _check_number(name: str, value: float) -> None:
-    """Refuse a number of drive or traffic that is not finite, negative, or 0 where that makes no sense."""
+    """Refuse a number of drive or traffic that is not finite, below 0, or 0 where it must be above."""
     if not math.isfinite(value):
         raise ValueError(f"{name} must be finite, got {value}")
     if value < 0 or (value == 0 and name in _POSITIVE):

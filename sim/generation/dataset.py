@@ -1,34 +1,35 @@
-"""Writes a dataset folder from a configuration: town, traffic, scans with their truth, and how the car moved.
+"""Writes a data set folder: scene, traffic, scans with their truth, and the motion of the car.
 
-The layout is that of the Oxford Radar RobotCar data set with our truth beside it (docs/conventions.md).
-Its bytes depend on the config alone: not on workers, threads, or how often the run was stopped and resumed.
+Its files are listed in docs/conventions.md. Its bytes depend on the configuration and on versions alone: not
+on workers, threads, or how often the run was stopped and resumed.
 """
 
-import os
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from echoscape.scenes.driving.ego_drive import EgoDrive
 from echoscape.scenes.io.gltf_export import is_whole_glb, town_to_glb
-from echoscape.scenes.traffic.plan import plan_traffic
 from echoscape.sim.datasets.files.atomic_write import DatasetError, remove_temporaries, write_whole
 from echoscape.sim.datasets.files.metadata import FILE_NAME, manifest_text, read_manifest
+from echoscape.sim.datasets.files.output_folder import (
+    check_output_folder,
+    make_output_folder,
+    remove_output_folder,
+)
 from echoscape.sim.datasets.files.track_csv import ends_as_table, movers_csv, tracks_csv
 from echoscape.sim.datasets.files.truth_npz import read_arrays
 from echoscape.sim.datasets.layouts.layout import ScanRecord
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.manifest import difference, manifest
-from echoscape.sim.generation.setup import build_scene
-from echoscape.sim.generation.workers import SceneSetup, make_scans, scan_folders, whole_scans
+from echoscape.sim.generation.setup import SceneSetup, add_traffic, build_scene
+from echoscape.sim.generation.workers import scan_folders, simulate_scans, whole_scans
 
 Progress = Callable[[str, int, int], None]
 """Called with a stage (town, traffic, scene, scans), how much of it is done, and how much there is to do."""
 
 TABLES = ("movers.csv", "tracks.csv")
-"""Tables of who moves and where."""
+"""Tables of the moving objects and of their poses."""
 
 
 def write_dataset(
@@ -40,38 +41,43 @@ def write_dataset(
     resume: bool = False,
     progress: Progress | None = None,
 ) -> None:
-    """Make the dataset of `config` in the folder `out`.
+    """Simulate a data set into a folder.
 
-    Workers are processes that trace scans side by side, `threads` each (None: the processors shared out).
-    With `resume`, a run that was stopped is continued: only the scans that are missing are made.
+    Args:
+        out: The folder, which must be new or empty, or with `resume` hold a part of the same data set.
+        config: The configuration.
+        workers: Processes that simulate scans side by side.
+        threads: Threads of each process; None shares out the processors.
+        resume: Continue a run that was stopped: only missing scans are simulated.
+        progress: Called as the work proceeds.
 
     Raises:
-        ValueError: workers or threads is below 1.
-        DatasetError: `out` is not empty, or holds another config's dataset.
-        SceneError: the mesh of a scene of one's own is broken, something stands in the drive's way, or the
-            drive is shorter than the scans.
+        ValueError: `workers` or `threads` is below 1.
+        DatasetError: `out` is not empty, or holds another data set.
+        SceneError: The mesh of a custom scene is broken, an object is in the path of the drive, or the drive
+            is shorter than the scans.
         OSError: `out` cannot be written to.
-        CrewError: a worker died or failed; what was made is kept and can be resumed.
+        WorkerError: A worker died or failed; the scans that are done are kept and can be resumed.
     """
     out, report = Path(out), progress or (lambda stage, done, total: None)
     check_arguments(out, workers=workers, threads=threads, resume=resume)
-    made = _make_folder(out)
+    made = make_output_folder(out)
     try:
-        _claim(out, config)
+        _begin(out, config)
         missing = config.scans - len(whole_scans(out, config))
         whole = is_whole_glb(out / "scene.glb") and all(map(ends_as_table, (out / name for name in TABLES)))
-        scenery = _scenery(config, report) if missing or not whole else None
-        if scenery is not None:
-            _write_scenery(out, config, scenery, report)
+        setup = _setup(config, report) if missing or not whole else None
+        if setup is not None:
+            _write_scene(out, config, setup, report)
     except BaseException:
         if not resume:
-            _unmake(out, made)
+            remove_output_folder(out, made)
         raise
-    if scenery is not None and missing:
-        make_scans(
+    if setup is not None and missing:
+        simulate_scans(
             out,
             config,
-            scenery,
+            setup,
             workers=min(workers, missing),
             threads=threads,
             report=lambda done: report("scans", done, config.scans),
@@ -80,76 +86,60 @@ def write_dataset(
 
 
 def check_arguments(out: Path, *, workers: int, threads: int | None, resume: bool) -> None:
-    """Refuse what `write_dataset` could not carry out, before anything is made; for errors see there."""
+    """Refuse what `write_dataset` could not carry out, before anything is made.
+
+    Args:
+        out: As in `write_dataset`, as are the others.
+        workers: Number of processes.
+        threads: Threads of each process, or None.
+        resume: Whether a run is continued.
+
+    Raises:
+        ValueError: `workers` or `threads` is below 1.
+        DatasetError: `out` cannot be written, is not empty, or holds no data set to resume.
+    """
     for name, value in (("workers", workers), ("threads", 1 if threads is None else threads)):
         if value < 1:
             raise ValueError(f"{name} must be 1 or more, got {value}")
-    if out.exists() and not out.is_dir():
-        raise DatasetError(f"OUT must be a folder, {out} is a file")
-    if out.is_dir() and any(out.iterdir()):
-        if not resume:
-            raise DatasetError(
-                f"OUT must be empty or new, {out} is not (--resume continues a run that was stopped)"
-            )
+    hint = "--resume continues a run that was stopped"
+    check_output_folder(out, empty=not resume, hint=hint)
+    if resume and out.is_dir() and any(out.iterdir()):
         read_manifest(out)
-    place = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
-    if not (place.is_dir() and os.access(place, os.W_OK | os.X_OK)):
-        raise DatasetError(f"OUT cannot be made: {place} cannot be written to")
 
 
-def _make_folder(out: Path) -> list[Path]:
-    """Make `out` and return the folders that had to be made for it, innermost first."""
-    made = [folder for folder in (out, *out.absolute().parents) if not folder.exists()]
-    out.mkdir(parents=True, exist_ok=True)
-    return made
-
-
-def _unmake(out: Path, made: list[Path]) -> None:
-    """Empty `out`, which was empty, and remove the folders made for it that nobody else uses by now."""
-    for path in out.iterdir():
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
-    for folder in made:
-        try:
-            folder.rmdir()
-        except OSError:
-            return
-
-
-def _claim(out: Path, config: SimulationConfig) -> None:
-    """Write the config into the folder, or see that it holds the same one; make its folders, tidy it."""
+def _begin(out: Path, config: SimulationConfig) -> None:
+    """Write the manifest, or check that the folder holds the same one; make its folders, tidy it."""
     content = manifest(config)
     if (out / FILE_NAME).exists():
         differing = difference(read_manifest(out), content)
         if differing is not None:
-            raise DatasetError(f"OUT holds another dataset, which --resume cannot continue: {differing}")
+            raise DatasetError(f"OUT holds another data set, which --resume cannot continue: {differing}")
     remove_temporaries(out)
     for name in (*scan_folders(config), *config.folder_layout.other_folders):
         (out / name).mkdir(parents=True, exist_ok=True)
     write_whole(out / FILE_NAME, manifest_text(content).encode())
 
 
-def _scenery(config: SimulationConfig, report: Progress) -> SceneSetup:
-    """Build the world and its drive, and plan the traffic where there are roads for it."""
+def _setup(config: SimulationConfig, report: Progress) -> SceneSetup:
+    """Build the scene and its drive, and plan the traffic."""
     report("town", 0, 1)
-    stage = build_scene(config)
+    setup = build_scene(config)
     report("town", 1, 1)
     report("traffic", 0, 1)
-    movers = ()
-    if isinstance(stage.drive, EgoDrive):
-        movers = plan_traffic(stage.town, stage.drive, seed=config.seed, settings=config.traffic)
+    setup = add_traffic(setup, config)
     report("traffic", 1, 1)
-    return SceneSetup(town=stage.town, drive=stage.drive, movers=movers)
+    return setup
 
 
-def _write_scenery(out: Path, config: SimulationConfig, scenery: SceneSetup, report: Progress) -> None:
-    """Write the movers' tracks, and the town for viewers unless a stopped run has."""
+def _write_scene(out: Path, config: SimulationConfig, setup: SceneSetup, report: Progress) -> None:
+    """Write the tracks of the movers, and the scene for viewers unless a stopped run has."""
     report("scene", 0, 1)
-    driven_s = min(config.duration_s, scenery.drive.duration_s)
+    driven_s = min(config.duration_s, setup.drive.duration_s)
     times = np.arange(0.0, driven_s, 1 / config.sensor.rotation_hz)
     if not is_whole_glb(out / "scene.glb"):
-        write_whole(out / "scene.glb", town_to_glb(scenery.town))
-    write_whole(out / "movers.csv", movers_csv(scenery.movers).encode())
-    tracks = tracks_csv(scenery.drive.trajectory, scenery.movers, times)
+        write_whole(out / "scene.glb", town_to_glb(setup.scene))
+    write_whole(out / "movers.csv", movers_csv(setup.movers).encode())
+    tracks = tracks_csv(setup.drive.trajectory, setup.movers, times)
     write_whole(out / "tracks.csv", tracks.encode())
     report("scene", 1, 1)
 
@@ -165,7 +155,7 @@ def _write_motion(out: Path, config: SimulationConfig) -> None:
 
 
 def _record(out: Path, stem: str) -> ScanRecord:
-    """Read from a scan's truth what the files that list scans need of it."""
+    """Read from a scan's truth what the files that list scans need."""
     found = read_arrays(out / "truth" / f"{stem}.npz", ("middle_us", "middle_pose", "pose"))
     return ScanRecord(
         stem=stem, middle_us=int(found["middle_us"]), middle_pose=found["middle_pose"], pose=found["pose"]

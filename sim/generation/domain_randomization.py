@@ -1,8 +1,8 @@
-"""Domain randomisation: sensor, artefacts and surfaces drawn about those given, a draw a dataset.
+"""Domain randomization: sensor, artefacts and surfaces drawn around the given ones, once a data set.
 
-What is learned from one calibrated sensor in one kind of weather knows that sensor; real ones differ among
-each other and from any model. Ranges are about as wide as sensors of a kind, their mounting and their places
-differ (Tobin et al., IROS 2017, for the idea); docs/fidelity.md lists them.
+A network trained on one calibrated sensor in one kind of weather is fitted to that sensor, while real sensors
+differ among each other and from any model. The ranges are about as wide as sensors of one kind, their
+mounting and their surroundings differ (idea: Tobin et al., IROS 2017); docs/fidelity.md lists them.
 """
 
 from dataclasses import replace
@@ -15,7 +15,7 @@ from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.sim.settings.surfaces import MOST_FACTOR, SurfaceSettings
 
 STAGE = 310
-"""Number of the stage that draws variations."""
+"""Number of this stage in the seeds of random draws."""
 
 LOSS_DB = (-3.0, 4.0)
 """Added to the losses of the link: gain, weather on the radome, age."""
@@ -40,23 +40,29 @@ HEIGHT_M = (-0.5, 0.5)
 TILT_DEG = (-1.0, 1.0)
 """Added to the tilt of the beam [deg]."""
 ROUGHNESS = (0.6, 1.6)
-"""Factor on rms heights and slopes, drawn apart; evenly by its logarithm."""
+"""Factors on rms height and rms slope, drawn independently, uniform in their logarithm."""
 SCATTERING = (0.75, 1.2)
 """Factor on the diffuse amplitude share."""
 GHOSTS_DB, SIDELOBES_DB = (-6.0, 3.0), (-4.0, 4.0)
 """Added to the power of ghosts and of the beam's sidelobes."""
 BLOCKED_CHANCE, BLOCKED_WIDTH_DEG, BLOCKED_LOSS_DB = 0.4, (4.0, 40.0), (3.0, 40.0)
-"""How often something stands on the vehicle's roof, how wide and how opaque it is."""
+"""How often an object on the vehicle's roof blocks a sector, its width, and its two-way loss."""
 
 
 def randomized(config: SimulationConfig) -> SimulationConfig:
-    """Return the config with sensor, artefacts and surfaces drawn about its own, as its seed decides.
+    """Draw sensor, artefacts and surfaces around those of a configuration.
+
+    Args:
+        config: The configuration, whose seed decides the draws.
+
+    Returns:
+        The configuration with the drawn values, marked as randomized.
 
     Raises:
-        ValueError: the config was varied before, or what is drawn lies beyond what a setting may be.
+        ValueError: The configuration was randomized before, or a drawn value is outside its range.
     """
     if config.randomized:
-        raise ValueError("randomized must be False: the config was randomized before")
+        raise ValueError("randomized must be False: the configuration was randomized before")
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, STAGE]))
     try:
         return replace(
@@ -67,11 +73,11 @@ def randomized(config: SimulationConfig) -> SimulationConfig:
             randomized=True,
         )
     except ValueError as error:
-        raise ValueError(f"{error}, as --randomize drew it about what was given") from error
+        raise ValueError(f"{error}, as --randomize drew it around the given values") from error
 
 
 def _sensor(sensor: Sensor, rng: np.random.Generator) -> Sensor:
-    """Draw a sensor about the one given; every number is drawn, whatever becomes of it."""
+    """Draw a sensor around the given one; every number is drawn, whether it is used or not."""
     noise_db = _within(rng, NOISE_DB)
     azimuth, elevation = _within(rng, BEAM), _within(rng, ELEVATION)
     wider = replace(
@@ -98,7 +104,7 @@ def _sensor(sensor: Sensor, rng: np.random.Generator) -> Sensor:
 
 
 def _artefacts(artefacts: Artefacts, rng: np.random.Generator) -> Artefacts:
-    """Draw strengths about those given; what is off stays off."""
+    """Draw strengths around the given ones; an artefact that is off stays off."""
     leakage, ghosts, sidelobes = (
         10 ** (_within(rng, each) / 10) for each in (LEAKAGE_DB, GHOSTS_DB, SIDELOBES_DB)
     )
@@ -111,7 +117,7 @@ def _artefacts(artefacts: Artefacts, rng: np.random.Generator) -> Artefacts:
 
 
 def _surfaces(surfaces: SurfaceSettings, rng: np.random.Generator) -> SurfaceSettings:
-    """Draw roughness about that given."""
+    """Draw roughness around the given one."""
     low, high = np.log(ROUGHNESS)
     height, slope = np.exp(rng.uniform(low, high, 2)).tolist()
     return SurfaceSettings(
@@ -126,14 +132,14 @@ def _within(rng: np.random.Generator, limits: tuple[float, float]) -> float:
 
 
 def _stretched(pattern: Table, factor: float, end_deg: float) -> Table:
-    """Return a pattern as much wider, still ending where it ended."""
+    """Return a pattern widened by a factor, with the same end points."""
     inner = [(angle * factor, level) for angle, level in pattern if abs(angle * factor) < end_deg]
     ends = [row for row in pattern if abs(row[0]) == end_deg]
     return tuple(sorted({*inner, *ends}))
 
 
 def _blocked(before: Table, rng: np.random.Generator) -> Table:
-    """Return the loss by azimuth with, now and then, a sector that something on the roof takes."""
+    """Return the loss by azimuth, in some draws with a sector blocked by an object on the roof."""
     there = rng.random() < BLOCKED_CHANCE
     middle, width, loss = rng.uniform(60, 300), _within(rng, BLOCKED_WIDTH_DEG), _within(rng, BLOCKED_LOSS_DB)
     if not there:

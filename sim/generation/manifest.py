@@ -1,51 +1,52 @@
-"""The manifest of a dataset: the settings and versions that make its bytes, and how two manifests differ.
+"""The manifest of a data set: the settings and versions that decide its bytes, and how two manifests differ.
 
 Reading and writing the file itself: `sim.datasets.files.metadata`.
 """
 
 import ctypes
 import importlib.metadata
-import json
 import platform
-from dataclasses import asdict
 from typing import Any
 
 from echoscape.scenes.core.materials import MATERIALS
 from echoscape.scenes.core.scene import CLASSES
-from echoscape.sim.datasets.files.metadata import FORMAT, manifest_text
+from echoscape.sim.datasets.files.metadata import FORMAT
+from echoscape.sim.datasets.polar_scan import Component
 from echoscape.sim.generation.config import SimulationConfig
+from echoscape.sim.generation.config_json import config_content
 from echoscape.sim.raytracing.backend import choose_llvm, selected_backend
 
 _PACKAGES = ("echoscape", "numpy", "scipy", "shapely", "trimesh", "pillow", "mitsuba", "drjit")
 
 
 def manifest(config: SimulationConfig) -> dict[str, Any]:
-    """Return what echoscape.json says of a dataset that this installation makes of `config`."""
-    from echoscape.sim.datasets.polar_scan import Component
+    """Describe the data set that this installation makes of a configuration.
 
-    content = {
+    Args:
+        config: The configuration.
+
+    Returns:
+        The content of echoscape.json, as it is read again: with lists for tuples.
+    """
+    return {
         "format": FORMAT,
-        "config": _told(config),
+        "config": config_content(config),
         "versions": _versions(),
         "classes": list(CLASSES),
         "components": [component.name.lower() for component in Component],
         "materials": list(MATERIALS),
     }
-    return json.loads(manifest_text(content))  # as it will be read: lists for tuples
-
-
-def _told(config: SimulationConfig) -> dict[str, Any]:
-    """Return the config as a dictionary, without the place of a scene's files on this machine."""
-    content = asdict(config)
-    if config.scene is not None:
-        del content["scene"]["folder"]
-    return content
 
 
 def difference(old: dict[str, Any], new: dict[str, Any]) -> str | None:
-    """Return a sentence on the first entry in which two manifests differ, or None if they are equal.
+    """Name the first entry in which two manifests differ.
 
-    Entries of lists are counted from 0: targets[1].position_m[2].
+    Args:
+        old: Content of an echoscape.json.
+        new: The content that it is compared with.
+
+    Returns:
+        A sentence, None where they are equal. Entries of lists are counted from 0: targets[1].position_m[2].
     """
     return _difference("", old, new)
 
@@ -54,16 +55,16 @@ def _difference(name: str, old: Any, new: Any) -> str | None:
     """Return the first difference in or below the entry `name`."""
     if old == new:
         return None
-    told = name.removeprefix("config.")
+    shown = name.removeprefix("config.")
     if isinstance(old, dict) and isinstance(new, dict):
         keys = dict.fromkeys((*new, *old))
         inner = [(f"{name}.{key}" if name else key, old.get(key), new.get(key)) for key in keys]
     elif isinstance(old, list) and isinstance(new, list):
         if len(old) != len(new):
-            return f"{told} had {_count(old)}, now it has {len(new)}"
+            return f"{shown} had {_count(old)}, now it has {len(new)}"
         inner = [(f"{name}[{i}]", *pair) for i, pair in enumerate(zip(old, new, strict=True))]
     else:
-        return f"{told} was {_short(old)}, now it is {_short(new)}"
+        return f"{shown} was {_short(old)}, now it is {_short(new)}"
     return next(filter(None, (_difference(*entry) for entry in inner)), None)
 
 

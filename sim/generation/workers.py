@@ -1,6 +1,6 @@
-"""Processes that make a dataset's scans side by side: each has the whole town and takes one scan at a time.
+"""Simulates the scans of a data set side by side; every worker process has the whole scene.
 
-A scan is a function of the config and its number, so that who makes it and when cannot show in the result.
+A scan is a function of the configuration and its number, so that the worker that made it cannot show in it.
 """
 
 import multiprocessing
@@ -18,9 +18,6 @@ from typing import cast
 
 import numpy as np
 
-from echoscape.scenes.core.scene import Mover, Scene
-from echoscape.scenes.driving.ego_drive import EgoDrive
-from echoscape.scenes.io.user_drive import UserDrive
 from echoscape.sim.datasets.files.atomic_write import remove_temporaries, temporary_beside
 from echoscape.sim.datasets.files.beat_npz import write_beat
 from echoscape.sim.datasets.files.navtech_png import is_whole_png
@@ -28,56 +25,56 @@ from echoscape.sim.datasets.files.npz import ends_as_archive
 from echoscape.sim.datasets.files.truth_npz import write_truth
 from echoscape.sim.datasets.polar_scan import EPOCH_US, PolarScan
 from echoscape.sim.generation.config import SimulationConfig
+from echoscape.sim.generation.setup import SceneSetup
 
 
 class WorkerError(RuntimeError):
-    """A worker died or failed; the message says which, at which scan."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SceneSetup:
-    """The world that a dataset's scans see: a town, the car's drive, and everybody who moves."""
-
-    town: Scene
-    drive: EgoDrive | UserDrive
-    movers: tuple[Mover, ...]
+    """A worker died or failed; the message says which one, at which scan."""
 
 
 @dataclass(frozen=True)
 class _Failure:
-    """What a worker sends when a scan could not be made."""
+    """What a worker sends when a scan failed."""
 
-    story: str
+    traceback: str
 
 
-def make_scans(
+def simulate_scans(
     out: Path,
     config: SimulationConfig,
-    scenery: SceneSetup,
+    setup: SceneSetup,
     *,
     workers: int,
     threads: int | None,
     report: Callable[[int], None],
 ) -> None:
-    """Make those of the config's scans that `out` lacks; `report` gets the number that are there.
+    """Simulate the scans that a data set lacks, and write them.
+
+    Args:
+        out: Folder of the data set.
+        config: The configuration.
+        setup: Scene, drive and traffic.
+        workers: Processes; 1 simulates in this one.
+        threads: Threads of each process; None shares out the processors.
+        report: Called with the number of scans that exist.
 
     Raises:
-        WorkerError: a worker died or failed.
+        WorkerError: A worker died or failed.
     """
     report(0)
     if workers > 1:
-        WorkerPool(out, config, scenery, workers=workers, threads=threads).make(config.scans, report)
+        WorkerPool(out, config, setup, workers=workers, threads=threads).make(config.scans, report)
         return
-    maker = ScanWriter(out, config, scenery, threads=threads)
-    # Packing the files of a scan leaves the processors to the next one.
-    with ThreadPoolExecutor(1) as clerk:
+    writer = ScanWriter(out, config, setup, threads=threads)
+    # The files of a scan are compressed while the next one is simulated.
+    with ThreadPoolExecutor(1) as background:
         writing: Future[None] | None = None
         for index in range(config.scans):
-            scan = maker.simulated(index)
+            scan = writer.simulated(index)
             if writing is not None:
                 writing.result()
                 report(index)
-            writing = clerk.submit(maker.write, scan) if scan is not None else None
+            writing = background.submit(writer.write, scan) if scan is not None else None
             if scan is None:
                 report(index + 1)
         if writing is not None:
@@ -86,30 +83,52 @@ def make_scans(
 
 
 def scan_folders(config: SimulationConfig) -> tuple[str, ...]:
-    """Return the folders that hold a file of every scan, all of the same name; pictures come first."""
+    """List the folders that hold a file of every scan, all of the same name.
+
+    Args:
+        config: The configuration.
+
+    Returns:
+        Names of the folders, that of the images first.
+    """
     folders = (config.folder_layout.scans_folders[0], "truth")
     return (*folders, "beat") if config.keep_beat else folders
 
 
 def whole_scans(out: Path, config: SimulationConfig) -> set[str]:
-    """Return the names of the scans in `out` of which no file is missing or cut short."""
+    """Find the scans that are complete.
+
+    Args:
+        out: Folder of the data set.
+        config: The configuration.
+
+    Returns:
+        Names of the scans of which no file is missing or cut short.
+    """
     stems = {path.stem for path in (out / scan_folders(config)[0]).glob("*.png")}
     return {stem for stem in stems if stem.isdecimal() and _is_whole(out, config, stem)}
 
 
 def _is_whole(out: Path, config: SimulationConfig, stem: str) -> bool:
-    """Whether all files of a scan are there to their ends and its picture is undamaged."""
+    """Whether all files of a scan are complete and its image is undamaged."""
     archives = [out / name / f"{stem}.npz" for name in scan_folders(config)[1:]]
     return is_whole_png(config.folder_layout.scan_path(out, stem)) and all(map(ends_as_archive, archives))
 
 
 class ScanWriter:
-    """Makes scans of a configuration and writes them with their truth."""
+    """Simulates scans of a data set and writes them with their truth."""
 
     def __init__(
-        self, out: Path, config: SimulationConfig, scenery: SceneSetup, *, threads: int | None
+        self, out: Path, config: SimulationConfig, setup: SceneSetup, *, threads: int | None
     ) -> None:
-        """`threads` for Dr.Jit in this process; None leaves it as it is."""
+        """Load the ray tracer and the scene.
+
+        Args:
+            out: Folder of the data set.
+            config: The configuration.
+            setup: Scene, drive and traffic.
+            threads: Threads of Dr.Jit in this process; None leaves their number as it is.
+        """
         from echoscape.sim.numerics.malloc import keep_freed_memory
         from echoscape.sim.raytracing.mitsuba_backend import set_threads
         from echoscape.sim.simulator import Simulator
@@ -120,9 +139,9 @@ class ScanWriter:
             set_threads(threads)
         self._out, self._config = out, config
         self._simulator = Simulator(
-            scenery.town,
-            scenery.drive,
-            scenery.movers,
+            setup.scene,
+            setup.drive,
+            setup.movers,
             seed=config.seed,
             sensor=config.sensor,
             settings=config.trace,
@@ -131,13 +150,27 @@ class ScanWriter:
         )
 
     def make(self, index: int) -> None:
-        """Make scan `index` with all its files, unless it is there."""
+        """Simulate a scan and write its files, unless it exists.
+
+        Args:
+            index: Number of the scan.
+        """
         scan = self.simulated(index)
         if scan is not None:
             self.write(scan)
 
     def simulated(self, index: int) -> PolarScan | None:
-        """Return scan `index`, None where it is there already."""
+        """Simulate a scan.
+
+        Args:
+            index: Number of the scan.
+
+        Returns:
+            The scan with its truth, None where all of its files exist.
+
+        Raises:
+            WorkerError: The scan has no truth, or another name than expected.
+        """
         layout, times_s = self._config.folder_layout, self._simulator.revolution(index).times_s
         stem = layout.stem(EPOCH_US + np.rint(times_s * 1e6).astype(np.int64))
         if _is_whole(self._out, self._config, stem):
@@ -150,7 +183,11 @@ class ScanWriter:
         return scan
 
     def write(self, scan: PolarScan) -> None:
-        """Write a scan's files; its picture is written last and so stands for all of it."""
+        """Write the files of a scan, its image last, so that an image stands for a complete scan.
+
+        Args:
+            scan: The scan with its truth.
+        """
         layout = self._config.folder_layout
         stem = layout.stem(scan.timestamp_us)
         if scan.truth is not None:
@@ -161,25 +198,42 @@ class ScanWriter:
 
 
 class WorkerPool:
-    """Worker processes and the pipes to them."""
+    """Worker processes that simulate scans, and the pipes to them."""
 
     def __init__(
-        self, out: Path, config: SimulationConfig, scenery: SceneSetup, *, workers: int, threads: int | None
+        self, out: Path, config: SimulationConfig, setup: SceneSetup, *, workers: int, threads: int | None
     ) -> None:
-        self._out, self._config, self._scenery = out, config, scenery
+        """Prepare without starting a process.
+
+        Args:
+            out: Folder of the data set.
+            config: The configuration.
+            setup: Scene, drive and traffic.
+            workers: Number of processes.
+            threads: Threads of each process; None shares out the processors.
+        """
+        self._out, self._config, self._setup = out, config, setup
         self._threads = threads or max(1, (os.cpu_count() or 1) // workers)
         self._workers = workers
-        self._hands: dict[Connection, BaseProcess] = {}
+        self._processes: dict[Connection, BaseProcess] = {}
         self._busy: dict[Connection, int] = {}
 
     def make(self, scans: int, report: Callable[[int], None]) -> None:
-        """Hand out the scans one by one until all are made; whatever happens, no process stays behind."""
-        town_file = temporary_beside(self._out / "town")
+        """Hand out the scans one by one until all exist; no process is left running, whatever happens.
+
+        Args:
+            scans: Number of scans.
+            report: Called with the number of scans that exist.
+
+        Raises:
+            WorkerError: A worker died or failed.
+        """
+        setup_file = temporary_beside(self._out / "setup")
         try:
-            town_file.write_bytes(pickle.dumps(self._scenery, protocol=pickle.HIGHEST_PROTOCOL))
-            self._start(town_file)
+            setup_file.write_bytes(pickle.dumps(self._setup, protocol=pickle.HIGHEST_PROTOCOL))
+            self._start(setup_file)
             done, to_do = 0, iter(range(scans))
-            self._busy = {pipe: -1 for pipe in self._hands}
+            self._busy = {pipe: -1 for pipe in self._processes}
             while self._busy:
                 for pipe in cast("list[Connection]", wait(list(self._busy))):
                     done += self._answer(pipe) >= 0
@@ -189,19 +243,19 @@ class WorkerPool:
             self._stop()
             remove_temporaries(self._out)
 
-    def _start(self, town_file: Path) -> None:
+    def _start(self, setup_file: Path) -> None:
         """Start the workers, each with its own Python, so that none inherits threads or compiled kernels."""
         context = multiprocessing.get_context("spawn")
         for number in range(self._workers):
             ours, theirs = context.Pipe()
-            arguments = (theirs, town_file, self._out, self._config, self._threads)
+            arguments = (theirs, setup_file, self._out, self._config, self._threads)
             process = context.Process(target=_work, args=arguments, name=f"worker {number + 1}", daemon=True)
             process.start()
             theirs.close()
-            self._hands[ours] = process
+            self._processes[ours] = process
 
     def _hand_out(self, pipe: Connection, to_do: Iterator[int]) -> None:
-        """Give a worker its next scan, or nothing more."""
+        """Give a worker its next scan, if any is left."""
         index = next(to_do, None)
         if index is None:
             del self._busy[pipe]
@@ -213,18 +267,20 @@ class WorkerPool:
             raise self._death(pipe) from error
 
     def _answer(self, pipe: Connection) -> int:
-        """Return the scan that a worker reports as made, -1 when it reports that it is ready."""
+        """Return the number of the scan that a worker finished, -1 where it reports that it has started."""
         try:
             answer = pipe.recv()
         except (EOFError, OSError) as error:
             raise self._death(pipe) from error
         if isinstance(answer, _Failure):
-            raise WorkerError(f"{self._hands[pipe].name} failed while {self._doing(pipe)}:\n{answer.story}")
+            raise WorkerError(
+                f"{self._processes[pipe].name} failed while {self._doing(pipe)}:\n{answer.traceback}"
+            )
         return self._busy[pipe]
 
     def _death(self, pipe: Connection) -> WorkerError:
-        """Return the error that says how the worker behind a broken pipe ended, and at what."""
-        process = self._hands[pipe]
+        """Return the error that says how the worker behind a broken pipe ended, and at which scan."""
+        process = self._processes[pipe]
         process.join(10)
         return WorkerError(f"{process.name} died while {self._doing(pipe)} ({_ending(process.exitcode)})")
 
@@ -233,10 +289,10 @@ class WorkerPool:
         return f"making scan {index}" if index >= 0 else "starting"
 
     def _stop(self) -> None:
-        for pipe, process in self._hands.items():
+        for pipe, process in self._processes.items():
             pipe.close()
             process.terminate()
-        for process in self._hands.values():
+        for process in self._processes.values():
             process.join()
 
 
@@ -246,15 +302,15 @@ def _ending(code: int | None) -> str:
     return f"exit code {code}"
 
 
-def _work(pipe: Connection, town_file: Path, out: Path, config: SimulationConfig, threads: int) -> None:
-    """Make the scans that come through the pipe until it closes; Ctrl-C is the parent's business."""
+def _work(pipe: Connection, setup_file: Path, out: Path, config: SimulationConfig, threads: int) -> None:
+    """Simulate the scans whose numbers arrive in the pipe until it closes; the parent handles Ctrl-C."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        scenery = pickle.loads(town_file.read_bytes())
-        maker = ScanWriter(out, config, scenery, threads=threads)
+        setup = pickle.loads(setup_file.read_bytes())
+        writer = ScanWriter(out, config, setup, threads=threads)
         pipe.send(None)
         while True:
-            maker.make(pipe.recv())
+            writer.make(pipe.recv())
             pipe.send(None)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return

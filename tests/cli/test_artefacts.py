@@ -15,9 +15,9 @@ def test_pictures_are_written_and_changes_told(tmp_path: Path, capsys: pytest.Ca
     assert main(["artefacts", *words]) == 0
     told = capsys.readouterr().out
     assert {path.name for path in out.iterdir()} == {"leakage.png", "quantisation.png", "artefacts.md"}
-    assert "0.25 W/W" in told
+    assert "×0.25" in told
     assert all(str(path) in told for path in out.iterdir())
-    assert "| leakage | 0.25 W/W |" in (out / "artefacts.md").read_text()
+    assert "| leakage | ×0.25 |" in (out / "artefacts.md").read_text()
 
 
 @pytest.mark.parametrize(
@@ -56,5 +56,5 @@ def test_help_offers_nothing_of_folders(capsys: pytest.CaptureFixture[str]) -> N
 def test_a_file_in_the_folders_place_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a").write_text("dear")
     assert main(["artefacts", str(tmp_path / "a"), *EMPTY.split()]) == 2
-    assert "out must be a folder" in capsys.readouterr().err
+    assert "OUT must be a folder" in capsys.readouterr().err
     assert (tmp_path / "a").read_text() == "dear"

@@ -146,5 +146,5 @@ def test_what_is_wrong_is_told(points: Path, tmp_path: Path, capsys: pytest.Capt
     assert missing in refusal(capsys, str(points), "--out", out, "--weights", missing)
     (tmp_path / "file").write_text("")
     place = str(tmp_path / "file")
-    assert "out must be a folder" in refusal(capsys, str(points), "--out", place, "--method", "fourier")
+    assert "OUT must be a folder" in refusal(capsys, str(points), "--out", place, "--method", "fourier")
     assert not Path(out).exists()

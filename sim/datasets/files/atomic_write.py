@@ -49,16 +49,3 @@ def remove_temporaries(folder: Path) -> None:
     """Remove what killed runs left in `folder` and the folders in it."""
     for path in folder.rglob(f".*{_SUFFIX}"):
         path.unlink(missing_ok=True)
-
-
-def check_out(out: Path) -> None:
-    """Refuse a place for the report that cannot be a folder.
-
-    Raises:
-        DatasetError: it, or what it would lie in, is a file; the message names it.
-    """
-    for place in (out, *out.parents):
-        if place.exists():
-            if not place.is_dir():
-                raise DatasetError(f"out must be a folder, {place} is a file")
-            return

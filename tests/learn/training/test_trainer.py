@@ -81,7 +81,7 @@ def test_damaged_weights_are_refused_by_name(tmp_path: Path) -> None:
 
 def test_a_folder_in_use_or_other_settings_are_refused(data: Data, tmp_path: Path) -> None:
     train(tmp_path / "run", MODEL, TrainSettings(steps=1), data)
-    with pytest.raises(DatasetError, match="run: must be empty or new"):
+    with pytest.raises(DatasetError, match="OUT must be empty or new"):
         train(tmp_path / "run", MODEL, TrainSettings(steps=1), data)
     with pytest.raises(DatasetError, match="other settings"):
         train(tmp_path / "run", MODEL, TrainSettings(steps=2, seed=1), data, resume=True)

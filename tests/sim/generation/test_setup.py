@@ -20,25 +20,9 @@ from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
 from echoscape.sim.generation.setup import build_scene
 from echoscape.sim.settings.tracing import TraceSettings
+from tests.sim.custom_scene import SCENE, WALL, user_scene_file
 
 FEW = TraceSettings(rays=16)
-WALL = "v 20 -5 0\nv 20 5 0\nv 20 5 3\nv 20 -5 3\nf 1 2 3 4\n"
-SCENE = """
-file = "wall.obj"
-[default]
-material = "metal"
-class = "wall"
-[drive]
-waypoints = [[0, 0], [12, 0]]
-speed_mps = 10
-"""
-
-
-def _scene(folder: Path, text: str = SCENE) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "wall.obj").write_text(WALL)
-    (folder / "wall.toml").write_text(text)
-    return folder / "wall.toml"
 
 
 def _config(path: Path, *, scans: int = 2) -> SimulationConfig:
@@ -48,7 +32,7 @@ def _config(path: Path, *, scans: int = 2) -> SimulationConfig:
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("own")
-    write_dataset(folder / "set", _config(_scene(folder / "files")))
+    write_dataset(folder / "set", _config(user_scene_file(folder / "files")))
     return folder / "set"
 
 
@@ -60,7 +44,7 @@ def _bytes(folder: Path) -> dict[str, bytes]:
 def test_bytes_do_not_depend_on_where_the_files_lie_nor_on_workers(
     made: Path, tmp_path: Path, workers: int
 ) -> None:
-    write_dataset(tmp_path / "set", _config(_scene(tmp_path / "elsewhere")), workers=workers)
+    write_dataset(tmp_path / "set", _config(user_scene_file(tmp_path / "elsewhere")), workers=workers)
     first, second = _bytes(made), _bytes(tmp_path / "set")
     assert first.keys() == second.keys()
     assert [name for name in first if first[name] != second[name]] == []
@@ -87,19 +71,19 @@ def test_the_wall_is_where_it_was_put_and_is_the_object_of_the_truth(made: Path)
 def test_a_changed_mesh_or_description_is_not_resumed(made: Path, tmp_path: Path) -> None:
     out = tmp_path / "set"
     shutil.copytree(made, out)
-    path = _scene(tmp_path / "files")
+    path = user_scene_file(tmp_path / "files")
     before = _bytes(out)
     write_dataset(out, _config(path), resume=True)
     (path.parent / "wall.obj").write_text(WALL.replace("20", "21"))
     with pytest.raises(DatasetError, match=r"scene\.sha256 was "):
         write_dataset(out, _config(path), resume=True)
     with pytest.raises(DatasetError, match=r"scene\.scale was 1\.0, now it is 2\.0"):
-        write_dataset(out, _config(_scene(tmp_path / "files", "scale = 2\n" + SCENE)), resume=True)
+        write_dataset(out, _config(user_scene_file(tmp_path / "files", "scale = 2\n" + SCENE)), resume=True)
     assert _bytes(out) == before
 
 
 def test_a_mesh_that_is_found_broken_leaves_nothing(tmp_path: Path) -> None:
-    path = _scene(tmp_path / "files")
+    path = user_scene_file(tmp_path / "files")
     (path.parent / "wall.obj").write_text(WALL + "f 1 2 77\n")
     with pytest.raises(SceneError, match="a face names vertex 77"):
         write_dataset(tmp_path / "set", _config(path))
@@ -107,7 +91,7 @@ def test_a_mesh_that_is_found_broken_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_scans_beyond_the_drive_are_refused_and_the_most_is_named(tmp_path: Path) -> None:
-    path = _scene(tmp_path)  # 12 m at 10 m/s: 1.2 s, and a turn lasts up to 0.2533 s
+    path = user_scene_file(tmp_path)  # 12 m at 10 m/s: 1.2 s, and a turn lasts up to 0.2533 s
     build_scene(_config(path, scans=4))
     with pytest.raises(SceneError, match=r"scans must be 4 or fewer: the drive lasts 1\.20 s"):
         build_scene(_config(path, scans=5))
@@ -115,7 +99,7 @@ def test_scans_beyond_the_drive_are_refused_and_the_most_is_named(tmp_path: Path
 
 
 def test_a_drive_through_a_wall_is_told_with_its_name_time_and_place(tmp_path: Path) -> None:
-    path = _scene(tmp_path, SCENE.replace("[12, 0]", "[32, 0]"))
+    path = user_scene_file(tmp_path, SCENE.replace("[12, 0]", "[32, 0]"))
     with pytest.raises(
         SceneError, match=r"passes through object 'wall' 1\.8 s after its start, at x 17\.\d m"
     ):
@@ -124,7 +108,7 @@ def test_a_drive_through_a_wall_is_told_with_its_name_time_and_place(tmp_path: P
 
 
 def test_a_preset_beside_a_scene_is_refused(tmp_path: Path) -> None:
-    scene = read_user_scene(_scene(tmp_path))
+    scene = read_user_scene(user_scene_file(tmp_path))
     with pytest.raises(ValueError, match="preset must not be given beside a scene, got 'open'"):
         SimulationConfig(preset="open", scene=scene)
     assert SimulationConfig().preset == "town"
@@ -140,14 +124,14 @@ BESIDE = FromStart(target=Target(kind="sphere", position_m=(12.0, 7.0, 1.5), siz
 
 def test_targets_stand_as_seen_from_the_start_of_a_preset_drive() -> None:
     config = SimulationConfig(preset="empty", seed=3, scans=1, targets=(BESIDE,))
-    stage = build_scene(config)
-    (placed,) = stage.town.targets
-    x, y, z, yaw = stage.drive.trajectory.pose(np.float64(0.0))
+    setup = build_scene(config)
+    (placed,) = setup.scene.targets
+    x, y, z, yaw = setup.drive.trajectory.pose(np.float64(0.0))
     offset = np.array(placed.target.position_m) - (x, y, z)
     expected = 12 * np.array([np.cos(yaw), np.sin(yaw)]) + 7 * np.array([np.sin(yaw), -np.cos(yaw)])
     assert_allclose(offset, (*expected, 1.5), atol=1e-9)
-    assert stage.town.instance_class[placed.instance] == CLASSES.index("target")
-    assert len(stage.town.instance_class) == placed.instance + 1
+    assert setup.scene.instance_class[placed.instance] == CLASSES.index("target")
+    assert len(setup.scene.instance_class) == placed.instance + 1
 
 
 def test_a_target_on_the_way_is_told() -> None:
@@ -162,7 +146,7 @@ def test_targets_are_part_of_the_configuration_and_movers_come_after_them(tmp_pa
     told = json.loads((tmp_path / "set" / "echoscape.json").read_text())["config"]["targets"]
     assert told[0]["target"]["position_m"] == [12.0, 7.0, 1.5]
     movers = (tmp_path / "set" / "movers.csv").read_text().splitlines()[1:]
-    instance = build_scene(config).town.targets[0].instance
+    instance = build_scene(config).scene.targets[0].instance
     assert all(int(row.split(",")[0]) > instance for row in movers)
     with pytest.raises(DatasetError, match=r"targets had 1 entry, now it has 0"):
         write_dataset(tmp_path / "set", replace(config, targets=()), resume=True)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.metadata import manifest_text
 from echoscape.sim.datasets.files.navtech_png import write_png
 from echoscape.sim.datasets.scan_folder import ScanFolder, open_folder
@@ -99,13 +100,10 @@ def test_unknown_layout_is_refused_by_name() -> None:
         replace(SimulationConfig(sensor=CTS350X), layout="moon")
 
 
-def test_folder_of_the_first_format_is_read_as_oxford(tmp_path: Path) -> None:
-    # Configurations knew no layout, and sensors a sign instead of a direction.
-    content = manifest(SimulationConfig(preset="empty", scans=1))
-    del content["config"]["layout"], content["config"]["sensor"]["chirps"]
-    content["config"]["sensor"]["doppler_sign"] = -1
+def test_folder_of_another_format_is_refused_by_name(tmp_path: Path) -> None:
+    content = manifest(SimulationConfig(preset="empty", scans=1)) | {"format": 1}
     (tmp_path / "echoscape.json").write_text(manifest_text(content))
     (tmp_path / "radar").mkdir()
     write_png(tmp_path / "radar" / f"{START_US}.png", drawn_scan())
-    found = open_folder(tmp_path)
-    assert (found.layout.name, found.sensor) == ("oxford", CTS350X)
+    with pytest.raises(DatasetError, match=r"echoscape\.json: must be of format 2, got 1"):
+        open_folder(tmp_path)
