@@ -57,7 +57,7 @@ class Echoes:
         sidelobe: Whether the echo is received outside the main lobe (E,) bool.
         closing_mps: Radial speed, positive when approaching (E,) float32 [m/s].
         returns: The return paths.
-        first_m: Distance of the first object in the beam that is not ground (azimuths,) float32 [m], inf
+        first_obstacle_m: Distance of the first object in the beam that is not ground (azimuths,) float32 [m], inf
             where there is none.
         origin: The scan that they were traced for; None where they were not traced.
     """
@@ -70,7 +70,7 @@ class Echoes:
     sidelobe: NDArray[np.bool_]
     closing_mps: NDArray[np.float32]
     returns: Returns
-    first_m: NDArray[np.float32]
+    first_obstacle_m: NDArray[np.float32]
     origin: Origin | None = None
 
     def __len__(self) -> int:
@@ -150,5 +150,5 @@ def point_echoes(*, azimuth: NDArray, range_m: NDArray, amplitude: NDArray, azim
         sidelobe=np.zeros(count, np.bool_),
         closing_mps=np.zeros(count, np.float32),
         returns=returns,
-        first_m=np.full(azimuths, np.inf, np.float32),
+        first_obstacle_m=np.full(azimuths, np.inf, np.float32),
     )

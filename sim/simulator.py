@@ -1,10 +1,13 @@
-"""One scan from a town, a drive and its movers: the door to the simulator.
+"""Simulates scans: rays through the scene, their echoes, the receiver, and the truth of every cell.
 
-simulator = Simulator(town, drive, movers, seed=7)
-scan = simulator.scan(0)
+    simulator = Simulator(scene, drive, movers, seed=7)
+    scan = simulator.scan(0)
+
+Read `Simulator._simulate` first. Each of its steps depends on some artefacts only, so that several settings of
+artefacts share the steps in which they agree; a single scan is the case of one setting.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,16 +16,16 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.scene import Mover, Scene
 from echoscape.sim.datasets.polar_scan import EPOCH_US, PolarScan, ScanTruth
 from echoscape.sim.echoes import Echoes, Origin
-from echoscape.sim.effects.echo_filter import EchoFilter, selection
-from echoscape.sim.effects.echo_scaling import changed, speckled_grid
+from echoscape.sim.effects.echo_filter import EchoFilter, Selection, selection
+from echoscape.sim.effects.echo_scaling import scaled_echoes, speckled_grid
 from echoscape.sim.effects.interference import INTERFERER_REACH_M, other_radars
 from echoscape.sim.effects.rain import rain_grid, rain_power_w
 from echoscape.sim.ground_truth.cell_labels import CellLabeller, mover_boxes
 from echoscape.sim.ground_truth.dominant_echo import DominantEchoIndex
 from echoscape.sim.kinematics.rolling_scan import Revolution
 from echoscape.sim.kinematics.timeline import HasTrajectory, Timeline
-from echoscape.sim.raytracing.intersection import RayScene
 from echoscape.sim.raytracing.mitsuba_scene import MitsubaScene, instance_classes
+from echoscape.sim.raytracing.scan_state import ScanState, scan_state
 from echoscape.sim.raytracing.tracer import Tracer
 from echoscape.sim.receiver.front_end import FrontEnd, NoiseRealisation
 from echoscape.sim.receiver.quantiser import codes
@@ -34,32 +37,55 @@ from echoscape.sim.settings.surfaces import SurfaceSettings
 from echoscape.sim.settings.tracing import TraceSettings
 
 _STAGES = {"noise": 302, "phase_noise": 303, "rain": 306}
-"""Numbers of the stages that draw; 301 and 307 are of `sim.kinematics.timeline`, 304 and 305 of `sim.effects.interference`."""
-_PATHS = ("motion_distortion", "movers")
-"""Artefacts that change where rays go."""
-_ECHOES = ("ghosts", "sidelobes", "doppler", "rain")
+"""Numbers of the random stages; 301 and 307 belong to `sim.kinematics.timeline`, 304 and 305 to
+`sim.effects.interference`."""
+_PATH_ARTEFACTS = ("motion_distortion", "movers")
+"""Artefacts that change the paths of rays."""
+_ECHO_ARTEFACTS = ("ghosts", "sidelobes", "doppler", "rain")
 """Artefacts that change traced echoes."""
+_GRID_ARTEFACTS = ("speckle",)
+"""Artefacts that change how echoes add up."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Propagation:
+    """What rays give of a scan, before any artefact of echoes or receiver.
+
+    Attributes:
+        state: Times, poses, moving objects and ray scene.
+        echoes: The traced echoes; None where echoes were given instead.
+        clear_share: Share of the two-way beam that reaches each bin of the grid (A, fft_size / 2) float32;
+            None without rain.
+        interferers: The same scan with all vehicles whose radars may interfere; None without interference.
+    """
+
+    state: ScanState
+    echoes: Echoes | None
+    clear_share: NDArray[np.float32] | None
+    interferers: ScanState | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverInput:
     """What reaches the receiver in a scan.
 
-    strongest: of its echoes; front_end: of echoes and rain; rain_w (A, fft_size / 2): mean power of rain on
-    the grid [W], None without any.
+    Attributes:
+        dominant: The echoes, by the cells that they dominate.
+        front_end: The receiver up to the converter, fed with echoes and rain.
+        rain_w: Mean power of rain on the grid (A, fft_size / 2) float32 [W]; None without rain.
     """
 
-    strongest: DominantEchoIndex
+    dominant: DominantEchoIndex
     front_end: FrontEnd
     rain_w: NDArray[np.float32] | None = None
 
 
 class Simulator:
-    """Makes the scans of a drive through a town, any of them, in any order, with the same bytes."""
+    """Simulates the scans of a drive through a scene, any of them in any order with the same bytes."""
 
     def __init__(
         self,
-        town: Scene,
+        scene: Scene,
         drive: HasTrajectory,
         movers: Sequence[Mover] = (),
         *,
@@ -69,32 +95,48 @@ class Simulator:
         artefacts: Artefacts | None = None,
         surfaces: SurfaceSettings | None = None,
     ) -> None:
-        """`seed` decides rays, speckle and noise; town, drive and movers come with their own."""
+        """Load the scene into the ray tracer and draw the ray directions.
+
+        Args:
+            scene: All that is at rest.
+            drive: The drive of the vehicle that carries the radar.
+            movers: The moving objects.
+            seed: Decides rays, speckle and noise; scene, drive and movers come with their own seeds.
+            sensor: The radar.
+            settings: Number of rays, bounces and the floor; None is the default.
+            artefacts: Strengths of the artefacts; None is the sensor as it is, in dry weather.
+            surfaces: Changes to the roughness of the materials; None is none.
+
+        Raises:
+            ValueError: `seed` is negative.
+        """
         if seed < 0:
             raise ValueError(f"seed must be 0 or more, got {seed}")
         self.sensor = sensor
         self.artefacts = artefacts or Artefacts()
+        self.instance_class = instance_classes(scene, movers)
         self._seed = seed
         self._track = drive.trajectory
         self._timeline = Timeline(drive, movers, sensor=sensor, seed=seed)
-        self.instance_class = instance_classes(town, movers)
-        self._scene = MitsubaScene(town, tuple(movers))
+        self._scene = MitsubaScene(scene, movers)
         self._tracer = Tracer(
-            self._scene,
             sensor,
             settings or TraceSettings(),
             instance_class=self.instance_class,
-            targets=town.targets,
+            targets=scene.targets,
             seed=seed,
             surfaces=surfaces,
         )
         self._labeller = CellLabeller(sensor, self.instance_class)
 
-    def _rng(self, scan: int, stage: str) -> np.random.Generator:
-        return np.random.default_rng(np.random.SeedSequence([self._seed, scan, _STAGES[stage]]))
-
     def revolution(self, index: int) -> Revolution:
-        """Return the times of scan `index`.
+        """Return the times of a scan.
+
+        Args:
+            index: Number of the scan, from 0.
+
+        Returns:
+            When each azimuth is measured.
 
         Raises:
             ValueError: `index` is negative.
@@ -102,41 +144,19 @@ class Simulator:
         return self._timeline.revolution(index)
 
     def echoes(self, index: int) -> Echoes:
-        """Trace scan `index` and return its echoes as the artefacts leave them, before the receiver."""
-        return changed(self._traced(index, self.artefacts), self.artefacts, self.sensor)
+        """Trace a scan.
 
-    def _traced(self, index: int, artefacts: Artefacts) -> Echoes:
-        """Return the echoes of scan `index` as physics has them, of the paths that `artefacts` lets be."""
-        poses, states = (
-            self._timeline.poses(self.revolution(index), artefacts),
-            self._timeline.movers(self.revolution(index), artefacts),
-        )
-        echoes = self._tracer.trace(poses, states, ghosts=artefacts.ghosts > 0)
-        return replace(echoes, origin=Origin(scan=index, seed=self._seed))
+        Args:
+            index: Number of the scan, from 0.
 
-    def scans(self, index: int, settings: Sequence[Artefacts], *, truth: bool = True) -> list[PolarScan]:
-        """Make scan `index` under each of several artefact settings, tracing it once.
+        Returns:
+            Its echoes under the artefacts of the simulator, before the receiver.
 
-        Only settings that differ in motion distortion or movers, which change where rays go, are traced
-        anew; those that differ in the receiver alone share its input. Each scan has the bytes that a
-        simulator of its own would give it. Without `truth` they come without, in less time.
+        Raises:
+            ValueError: `index` is negative.
         """
-        # What is as strong is the same scan: None may stand for a number, and settings may come twice.
-        strengths = [each.strengths(self.sensor) for each in settings]
-        different = dict(zip(strengths, settings, strict=True))
-        draws = self._draws(index)
-        found: dict[Strengths, PolarScan] = {}
-        for alike in _alike(tuple(different.values()), _PATHS):
-            ghosts = max(each.ghosts for each in alike)
-            traced = self._traced(index, replace(alike[0], ghosts=ghosts))
-            for same in _alike(alike, _ECHOES):
-                strongest = self._labeller.strongest(changed(traced, same[0], self.sensor))
-                for those in _alike(same, ("speckle",)):
-                    arriving = self._arriving(index, strongest, those[0], draws)
-                    for each in those:
-                        scan = self._received(index, arriving, each, truth=truth)
-                        found[each.strengths(self.sensor)] = scan
-        return [found[each] for each in strengths]
+        propagation = self._propagate(index, [self.artefacts], Selection())
+        return self._echoes(propagation, self.artefacts)
 
     def scan(
         self,
@@ -147,118 +167,119 @@ class Simulator:
         without: EchoFilter | Sequence[EchoFilter] = (),
         keep_beat: bool = False,
     ) -> PolarScan:
-        """Make scan `index` with its truth, and with its raw data where `keep_beat` asks for them.
+        """Simulate a scan and its truth.
 
-        `only` and `without` leave out echoes by what made them; to ask much of one scan, trace its `echoes`
-        once and hand them in. The receiver's draws are the same for all.
+        The random draws of the receiver are the same whatever is filtered.
+
+        Args:
+            index: Number of the scan, from 0.
+            echoes: Echoes of this scan from `echoes`, so that several filters share one trace; None traces.
+            only: Echoes to keep; None keeps all.
+            without: Echoes to leave out, by one or several filters.
+            keep_beat: Whether the raw data (beat signals) are kept.
+
+        Returns:
+            The scan with its truth.
 
         Raises:
-            ValueError: `index` is negative, or `echoes` were traced for another scan or seed.
+            ValueError: `index` is negative, a filter is none, or `echoes` were traced for another scan or
+                seed.
         """
-        own = Origin(scan=index, seed=self._seed)
-        if echoes is not None and echoes.origin not in (None, own):
-            raise ValueError(f"echoes must be of {own}, got {echoes.origin}")
-        chosen = selection(only, without)
-        left = chosen.echoes(self.echoes(index) if echoes is None else echoes, self.instance_class)
-        artefacts = chosen.artefacts(self.artefacts)
-        arriving = self._arriving(index, self._labeller.strongest(left), artefacts, self._draws(index))
-        return self._received(index, arriving, artefacts, keep_beat=keep_beat)
+        origin = Origin(scan=index, seed=self._seed)
+        if echoes is not None and echoes.origin not in (None, origin):
+            raise ValueError(f"echoes must be of {origin}, got {echoes.origin}")
+        filters = selection(only, without)
+        scans = self._simulate(index, [self.artefacts], filters=filters, echoes=echoes, keep_beat=keep_beat)
+        return scans[0]
 
-    def _draws(self, index: int) -> NoiseRealisation:
-        """Return what the receiver draws in scan `index`."""
+    def scans(self, index: int, settings: Sequence[Artefacts], *, truth: bool = True) -> list[PolarScan]:
+        """Simulate a scan under several settings of artefacts, each step once for all that agree in it.
+
+        Rays are traced again only for settings that differ in motion distortion or moving objects. Each scan
+        has the bytes that a simulator with this setting alone would give it.
+
+        Args:
+            index: Number of the scan, from 0.
+            settings: Settings of artefacts.
+            truth: Whether the scans get their truth; without it they take less time.
+
+        Returns:
+            One scan per setting, in order. Settings of the same strengths share one scan.
+
+        Raises:
+            ValueError: `index` is negative.
+        """
+        return self._simulate(index, settings, filters=Selection(), truth=truth)
+
+    def _simulate(
+        self,
+        index: int,
+        settings: Sequence[Artefacts],
+        *,
+        filters: Selection,
+        echoes: Echoes | None = None,
+        keep_beat: bool = False,
+        truth: bool = True,
+    ) -> list[PolarScan]:
+        """Simulate a scan under each setting: rays, echoes, filters, receiver, truth.
+
+        `echoes`, where given, stand for traced echoes under the artefacts of the only setting.
+        """
+        # None may stand for a number, so settings are told apart by their strengths.
+        strengths = [each.strengths(self.sensor) for each in settings]
+        noise = self._noise(index)
+        simulated: dict[Strengths, PolarScan] = {}
+        for same_paths in _grouped(dict(zip(strengths, settings, strict=True)).values(), _PATH_ARTEFACTS):
+            propagation = self._propagate(index, same_paths, filters, trace=echoes is None)
+            for same_echoes in _grouped(same_paths, _ECHO_ARTEFACTS):
+                present = self._echoes(propagation, same_echoes[0]) if echoes is None else echoes
+                dominant = self._labeller.dominant_echoes(filters.echoes(present, self.instance_class))
+                for same_grid in _grouped(same_echoes, _GRID_ARTEFACTS):
+                    rain_rng = self._rng(index, "rain")
+                    shared = filters.artefacts(same_grid[0])
+                    received_input = self._receiver_input(propagation, dominant, shared, noise, rain_rng)
+                    for setting in same_grid:
+                        simulated[setting.strengths(self.sensor)] = self._polar_scan(
+                            index,
+                            propagation,
+                            received_input,
+                            filters.artefacts(setting),
+                            keep_beat=keep_beat,
+                            truth=truth,
+                        )
+        return [simulated[each] for each in strengths]
+
+    def _rng(self, index: int, stage: str) -> np.random.Generator:
+        """Return the generator of a random stage of a scan."""
+        return np.random.default_rng(np.random.SeedSequence([self._seed, index, _STAGES[stage]]))
+
+    def _noise(self, index: int) -> NoiseRealisation:
+        """Return the random draws of the receiver in a scan."""
         noise_rng, phase_rng = self._rng(index, "noise"), self._rng(index, "phase_noise")
         return NoiseRealisation(self.sensor, noise_rng=noise_rng, phase_rng=phase_rng)
 
-    def _arriving(
-        self, index: int, strongest: DominantEchoIndex, artefacts: Artefacts, draws: NoiseRealisation
-    ) -> ReceiverInput:
-        """Return what reaches the receiver of echoes and rain."""
-        grid = speckled_grid(strongest.echoes, self.sensor, speckle=artefacts.speckle)
-        if not artefacts.rain:
-            return ReceiverInput(strongest=strongest, front_end=FrontEnd(grid, self.sensor, draws))
-        poses, states = (
-            self._timeline.poses(self.revolution(index), artefacts),
-            self._timeline.movers(self.revolution(index), artefacts),
+    def _propagate(
+        self, index: int, settings: Sequence[Artefacts], filters: Selection, *, trace: bool = True
+    ) -> Propagation:
+        """Send the rays of a scan for settings that agree in their paths."""
+        revolution = self.revolution(index)
+        state = scan_state(
+            self._scene,
+            revolution=revolution,
+            poses=self._timeline.poses(revolution, settings[0]),
+            movers=self._timeline.movers(revolution, settings[0]),
         )
-        edges_m = np.arange(self.sensor.fft_size // 2, dtype=np.float64) * self.sensor.bin_m
-        clear = self._tracer.clear_share(poses, states, edges_m)
-        rain_w = rain_power_w(self.sensor, self._tracer.antenna, rate_mm_h=artefacts.rain, clear=clear)
-        grid += rain_grid(rain_w, rng=self._rng(index, "rain"))
-        return ReceiverInput(strongest=strongest, front_end=FrontEnd(grid, self.sensor, draws), rain_w=rain_w)
-
-    def _received(
-        self,
-        index: int,
-        arriving: ReceiverInput,
-        artefacts: Artefacts,
-        *,
-        keep_beat: bool = False,
-        truth: bool = True,
-    ) -> PolarScan:
-        """Return what the receiver makes of what arrives."""
-        turn, sensor = self.revolution(index), self.sensor
-        made = received(
-            arriving.front_end,
-            sensor,
-            artefacts,
-            others=self._others(index, artefacts),
-            keep_beat=keep_beat,
-            parts=truth,
-        )
-        return PolarScan(
-            codes=codes(made.power),
-            timestamp_us=EPOCH_US + np.rint(turn.times_s * 1e6).astype(np.int64),
-            encoder=_encoder(sensor),
-            valid=np.ones(sensor.azimuths, np.bool_),
-            bin_m=sensor.bin_m,
-            truth=self._truth(index, arriving, made, artefacts) if truth else None,
-            rising=sensor.rising if sensor.chirps == "alternating" else None,
-            encoder_per_turn=sensor.encoder_per_turn,
-            beat=made.beat,
-        )
-
-    def _truth(self, index: int, arriving: ReceiverInput, made: Received, artefacts: Artefacts) -> ScanTruth:
-        """Return what is known of a scan because it was made."""
-        turn = self.revolution(index)
-        middle = turn.middle_s
-        return ScanTruth(
-            cells=self._labeller.label(arriving.strongest, made, artefacts, rain_w=arriving.rain_w),
-            pose=self._track.pose(turn.times_s),
-            middle_pose=self._track.pose(np.float64(middle)),
-            middle_us=EPOCH_US + round(middle * 1e6),
-            saturated=made.saturated,
-            first_m=arriving.strongest.echoes.first_m,
-            boxes=mover_boxes(self._timeline.movers(self.revolution(index), artefacts)),
-        )
-
-    def _others(self, index: int, artefacts: Artefacts) -> NDArray[np.float32] | None:
-        """Return what other cars' radars add to the beat signals, None where they are silent."""
-        if not artefacts.interference:
-            return None
-        states = self._timeline.movers(self.revolution(index), artefacts, reach_m=INTERFERER_REACH_M)
-        return other_radars(
-            RayScene(self._scene, states, self.sensor.azimuths),
-            states,
-            self._timeline.poses(self.revolution(index), artefacts),
-            self.sensor,
-            self._tracer.antenna,
-            times_s=self.revolution(index).times_s,
-            eirp_w=artefacts.interference,
-            rain_mm_h=artefacts.rain,
-            seed=self._seed,
-            scan=index,
-        )
-
-
-def _alike(settings: Sequence[Artefacts], names: Sequence[str]) -> list[list[Artefacts]]:
-    """Return the settings in groups that have the named artefacts in common."""
-    groups: dict[tuple, list[Artefacts]] = {}
-    for each in settings:
-        groups.setdefault(tuple(getattr(each, name) for name in names), []).append(each)
-    return list(groups.values())
-
-
-def _encoder(sensor: Sensor) -> NDArray[np.uint16]:
-    """Return the encoder count of each row."""
-    step = sensor.encoder_per_turn // sensor.azimuths
-    return (sensor.encoder_first + step * np.arange(sensor.azimuths)).astype(np.uint16)
+        left = [filters.artefacts(each) for each in settings]
+        rain = any(each.rain for each in left)
+        primary = self._tracer.launch(state) if trace or rain else None
+        echoes = clear_share = interferers = None
+        if primary is not None and rain:
+            edges_m = np.arange(self.sensor.fft_size // 2, dtype=np.float64) * self.sensor.bin_m
+            clear_share = self._tracer.clear_share(primary, edges_m)
+        if primary is not None and trace:
+            echoes = self._tracer.trace(state, primary, ghosts=any(each.ghosts for each in settings))
+            echoes = replace(echoes, origin=Origin(scan=index, seed=self._seed))
+        if any(each.interference for each in left):
+            vehicles = self._timeline.movers(revolution, settings[0], reach_m=INTERFERER_REACH_M)
+            interferers = state.with_movers(self._scene, vehicles)
+        return Propagation(state=state, echoes=echoes, clear_share=clear_share, interferers=interferers)

@@ -1,6 +1,6 @@
-"""The sampled beat signal of a scan, as the converter gives it: integers and what one of them is worth.
+"""The sampled beat signal of a scan, as the converter gives it: integers and the size of their steps.
 
-Raw data in the sense of an FMCW radar: one real sweep a row, before window, transform and logarithm
+This is the raw data of an FMCW radar: one real sweep an azimuth, before window, transform and logarithm
 (docs/raw_data.md). `sim.receiver.range_fft` turns it into the codes of a scan.
 """
 
@@ -10,18 +10,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.sim.datasets.array_record import ArrayRecord
+
 LARGEST_SAMPLE = 32767
 """Largest magnitude of a sample."""
 _INT16 = np.dtype(np.int16)
 _FLOAT32 = np.dtype(np.float32)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BeatSignal:
-    """The beat signal of some rows of a scan.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BeatSignal(ArrayRecord):
+    """The beat signal of some azimuths of a scan.
 
-    samples (rows, samples) int16; scale (rows,) float32 [sqrt(W)]: what a step of a row's samples is worth.
-    A tone of an echo that brings P watts to the antenna has the amplitude sqrt(2 P).
+    An echo that delivers P watts at the antenna is a tone of amplitude sqrt(2 P).
+
+    Attributes:
+        samples: Samples (azimuths, samples) int16.
+        scale: Size of a step of each azimuth's samples (azimuths,) float32 [sqrt(W)].
     """
 
     samples: NDArray[np.int16]
@@ -30,31 +35,49 @@ class BeatSignal:
     def __post_init__(self) -> None:
         """Refuse arrays that are no beat signal, naming the array."""
         if self.samples.dtype != _INT16 or self.samples.ndim != 2:
-            raise ValueError(f"samples must be (rows, samples) int16, got {_told(self.samples)}")
+            raise ValueError(f"samples must be (azimuths, samples) int16, got {_layout(self.samples)}")
         if self.scale.dtype != _FLOAT32 or self.scale.shape != self.samples.shape[:1]:
-            raise ValueError(f"scale must be ({len(self.samples)},) float32, got {_told(self.scale)}")
+            raise ValueError(f"scale must be ({len(self.samples)},) float32, got {_layout(self.scale)}")
         if not (np.isfinite(self.scale) & (self.scale > 0)).all():
-            raise ValueError("scale must be finite and above 0 in every row")
+            raise ValueError("scale must be finite and above 0 at every azimuth")
 
     def __len__(self) -> int:
-        """Return the number of rows."""
+        """Return the number of azimuths."""
         return len(self.samples)
 
-    def rows(self, rows: slice) -> "BeatSignal":
-        """Return the signal of some rows alone."""
-        return BeatSignal(samples=self.samples[rows], scale=self.scale[rows])
+    def select(self, azimuths: slice) -> "BeatSignal":
+        """Take the signal of some azimuths.
+
+        Args:
+            azimuths: Which of them.
+
+        Returns:
+            Their signal.
+        """
+        return BeatSignal(samples=self.samples[azimuths], scale=self.scale[azimuths])
 
     def amplitude(self) -> NDArray[np.float32]:
-        """Return the signal (rows, samples) float32 [sqrt(W)]."""
+        """Convert the samples to amplitudes.
+
+        Returns:
+            The signal (azimuths, samples) float32 [sqrt(W)].
+        """
         return self.samples * self.scale[:, None]
 
 
-def _told(array: NDArray) -> str:
+def _layout(array: NDArray) -> str:
     return f"{array.shape} {array.dtype}"
 
 
 def joined(parts: Sequence[BeatSignal]) -> BeatSignal:
-    """Return the rows of one or more signals as one."""
+    """Join the azimuths of several signals.
+
+    Args:
+        parts: One or more signals with equally many samples.
+
+    Returns:
+        One signal with all azimuths, in their order.
+    """
     return BeatSignal(
         samples=np.concatenate([part.samples for part in parts]),
         scale=np.concatenate([part.scale for part in parts]),
@@ -62,9 +85,15 @@ def joined(parts: Sequence[BeatSignal]) -> BeatSignal:
 
 
 def sampled(signal: NDArray[np.float32], step: NDArray[np.float32]) -> BeatSignal:
-    """Return a signal (rows, samples) [sqrt(W)] as integers of a step (rows,) [sqrt(W)] in each row.
+    """Round a signal to whole steps.
 
-    Rows whose samples do not fit 16 bits get the least power of two times their step with which they do.
+    Args:
+        signal: Signal (azimuths, samples) [sqrt(W)].
+        step: Size of a step at each azimuth (azimuths,) [sqrt(W)].
+
+    Returns:
+        The rounded signal. An azimuth whose samples do not fit 16 bits gets the least power of two times its
+        step with which they do.
     """
     peak = np.maximum(signal.max(axis=1), -signal.min(axis=1))
     # Half a step beyond the largest sample would be rounded away from zero.
@@ -74,11 +103,16 @@ def sampled(signal: NDArray[np.float32], step: NDArray[np.float32]) -> BeatSigna
 
 
 def finely_sampled(signal: NDArray[np.float32]) -> BeatSignal:
-    """Return a signal (rows, samples) [sqrt(W)] as integers that use all of 16 bits in every row.
+    """Round a signal to the finest steps that 16 bits allow at each azimuth.
 
-    The error of rounding has 98 dB less power than a sine as strong as the row's largest sample.
+    Args:
+        signal: Signal (azimuths, samples) [sqrt(W)].
+
+    Returns:
+        The rounded signal. Its rounding error has 98 dB less power than a sine as strong as the largest
+        sample of the azimuth.
     """
     peak = np.maximum(signal.max(axis=1), -signal.min(axis=1))
-    # A silent row has a scale as well, so that no reader divides by 0.
+    # A silent azimuth has a scale as well, so that no reader divides by 0.
     scale = np.maximum(peak / np.float32(LARGEST_SAMPLE), np.finfo(np.float32).tiny)
     return BeatSignal(samples=np.rint(signal / scale[:, None]).astype(np.int16), scale=scale)

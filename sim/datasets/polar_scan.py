@@ -1,4 +1,4 @@
-"""A scan and its truth as plain arrays: what is read, written and learned from, without a ray tracer."""
+"""A scan and its ground truth as plain arrays: what data sets hold, without a ray tracer."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -6,14 +6,15 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.sim.datasets.array_record import ArrayRecord
 from echoscape.sim.datasets.beat_signal import BeatSignal
 
 EPOCH_US = 1_700_000_000_000_000
-"""Time stamp of a drive's start [us since 1970]; simulated drives all begin then."""
+"""Time stamp of the start of every simulated drive [us since 1970]."""
 
 
 class Component(IntEnum):
-    """What a cell's power comes from."""
+    """Source of most of a cell's power."""
 
     NOISE = 0
     LEAKAGE = 1
@@ -25,12 +26,16 @@ class Component(IntEnum):
     INTERFERENCE = 7
 
 
-@dataclass(frozen=True, kw_only=True)
-class CellTruth:
-    """Truth by cell, all arrays (azimuths, bins).
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CellTruth(ArrayRecord):
+    """Ground truth of every cell of a polar scan; all arrays are (azimuths, bins).
 
-    component, class_id and bounces are uint8, instance uint32, moving bool; class_id, instance, bounces and
-    moving are 0 where no single thing dominates.
+    Attributes:
+        component: Source of most of the cell's power, a `Component`, uint8.
+        instance: Instance id of the object, 0 where no single one dominates, uint32.
+        class_id: Its class, 0 where no single object dominates, uint8.
+        bounces: Surfaces that its path met, 0 where no single object dominates, uint8.
+        moving: Whether the object is a mover, bool.
     """
 
     component: NDArray[np.uint8]
@@ -40,12 +45,17 @@ class CellTruth:
     moving: NDArray[np.bool_]
 
 
-@dataclass(frozen=True, kw_only=True)
-class MoverBoxes:
-    """Boxes of the movers near the radar at mid-scan, M of them.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MoverBoxes(ArrayRecord):
+    """Boxes of the M movers near the radar at mid-scan, in the world frame.
 
-    instance (M,) uint32; class_id (M,) uint8; centre (M, 3), extent (M, 3) length, width, height [m]; yaw
-    (M,) [rad]; velocity (M, 3) [m/s]; float64, world frame.
+    Attributes:
+        instance: Instance ids (M,) uint32.
+        class_id: Classes (M,) uint8.
+        centre: Centres of the boxes (M, 3) [m].
+        extent: Length, width and height (M, 3) [m].
+        yaw: Headings (M,) [rad], counter-clockwise.
+        velocity: Velocities (M, 3) [m/s].
     """
 
     instance: NDArray[np.uint32]
@@ -56,14 +66,19 @@ class MoverBoxes:
     velocity: NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ScanTruth:
-    """The truth of one scan.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScanTruth(ArrayRecord):
+    """Ground truth of one scan.
 
-    cells: by cell; pose (azimuths, 4) float64: x, y, z [m], yaw [rad] of the car in the world at each row;
-    middle_pose (4,): the same at `middle_us`, the time that odometry refers to; saturated (azimuths,) bool;
-    first_m (azimuths,) float32: distance of the first thing in the beam that is no ground [m], inf if none;
-    boxes: the movers near the radar at mid-scan.
+    Attributes:
+        cells: Truth of every cell.
+        pose: World pose of the car at each azimuth (azimuths, 4): x, y, z [m], yaw [rad].
+        middle_pose: World pose of the car at mid-scan (4,).
+        middle_us: Mid-scan, the time that odometry refers to [us].
+        saturated: Whether the converter clipped at each azimuth (azimuths,) bool.
+        first_obstacle_m: Distance to the first object in the beam that is not ground (azimuths,) float32 [m],
+            inf where there is none.
+        boxes: Movers near the radar at mid-scan.
     """
 
     cells: CellTruth
@@ -71,19 +86,27 @@ class ScanTruth:
     middle_pose: NDArray[np.float64]
     middle_us: int
     saturated: NDArray[np.bool_]
-    first_m: NDArray[np.float32]
+    first_obstacle_m: NDArray[np.float32]
     boxes: MoverBoxes
 
 
-@dataclass(frozen=True, kw_only=True)
-class PolarScan:
-    """A scan as the sensor writes it, with its truth where it is known.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PolarScan(ArrayRecord):
+    """A scan as the sensor writes it, with its truth where that is known.
 
-    codes (azimuths, bins) uint8: half decibels; timestamp_us (azimuths,) int64; encoder (azimuths,) uint16,
-    `encoder_per_turn` counts a turn; valid (azimuths,) bool; bin_m: range step [m]; rising (azimuths,) bool:
-    whether each row's sweep rises, None unless they alternate. Row i looks along azimuth 2 pi i / azimuths,
-    clockwise from straight ahead; bin k is centred at (k + 1/2) bin_m. beat: the raw data that the codes were
-    made from, where they were kept.
+    Azimuth i looks along 2 pi i / azimuths, clockwise from straight ahead; bin k is centred at
+    (k + 1/2) bin_m.
+
+    Attributes:
+        codes: Power codes (azimuths, bins) uint8, in half decibels.
+        timestamp_us: Times of the azimuths (azimuths,) int64 [us].
+        encoder: Encoder counts (azimuths,) uint16.
+        valid: Whether each azimuth is valid (azimuths,) bool.
+        bin_m: Range step of a bin [m].
+        truth: Ground truth, None where it is unknown.
+        rising: Whether the sweep of each azimuth rises (azimuths,) bool, None unless sweeps alternate.
+        encoder_per_turn: Encoder counts of a revolution.
+        beat: Beat signal that the codes were made from, None where it was not kept.
     """
 
     codes: NDArray[np.uint8]
@@ -98,9 +121,9 @@ class PolarScan:
 
     @property
     def azimuth_rad(self) -> NDArray[np.float64]:
-        """Azimuth of each row (azimuths,) as its encoder tells it, which is what public loaders use [rad].
+        """Azimuths by the encoder, as public loaders take them (azimuths,) [rad].
 
-        It differs from 2 pi i / azimuths by a constant, the encoder's first count: 13 is the end of the 14
-        counts that a row takes, 7 their middle. Where a real scan lacks rows it jumps.
+        They differ from 2 pi i / azimuths by a constant, the encoder's first count: 13 is the end of the 14
+        counts that an azimuth takes, 7 their middle. They jump where a real scan lacks azimuths.
         """
         return self.encoder.astype(np.float64) * (2 * np.pi / self.encoder_per_turn)

@@ -39,7 +39,7 @@ def range_spectrum(beat: BeatSignal, sensor: Sensor) -> NDArray[np.complex64]:
     _check(beat, sensor)
     found = np.empty((len(beat), sensor.bins), np.complex64)
     for rows in row_blocks(len(beat)):
-        found[rows] = spectrum(beat.rows(rows).amplitude(), sensor)
+        found[rows] = spectrum(beat.select(rows).amplitude(), sensor)
     return found
 
 
@@ -55,7 +55,7 @@ def codes_of_beat(beat: BeatSignal, sensor: Sensor) -> NDArray[np.uint8]:
     _check(beat, sensor)
     found = np.empty((len(beat), sensor.bins), np.uint8)
     for rows in row_blocks(len(beat)):
-        found[rows] = codes(written_power(spectrum(beat.rows(rows).amplitude(), sensor), sensor))
+        found[rows] = codes(written_power(spectrum(beat.select(rows).amplitude(), sensor), sensor))
     return found
 
 

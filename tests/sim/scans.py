@@ -34,7 +34,7 @@ def drawn_scan(*, seed: int = 1, movers: int = 2, sensor: Sensor = CTS350X) -> P
         middle_pose=rng.normal(size=4),
         middle_us=START_US + 124_000,
         saturated=rng.random(shape[0]) < 0.5,
-        first_m=np.where(rng.random(shape[0]) < 0.5, np.inf, 7.0).astype(np.float32),
+        first_obstacle_m=np.where(rng.random(shape[0]) < 0.5, np.inf, 7.0).astype(np.float32),
         boxes=boxes,
     )
     return PolarScan(

@@ -50,7 +50,7 @@ def test_scans_are_those_of_separate_simulators(together: list[PolarScan], numbe
         np.testing.assert_array_equal(getattr(among.truth.cells, name), getattr(alone.truth.cells, name))
     np.testing.assert_array_equal(among.truth.pose, alone.truth.pose)
     np.testing.assert_array_equal(among.truth.boxes.instance, alone.truth.boxes.instance)
-    np.testing.assert_array_equal(among.truth.first_m, alone.truth.first_m)
+    np.testing.assert_array_equal(among.truth.first_obstacle_m, alone.truth.first_obstacle_m)
 
 
 def test_settings_differ(together: list[PolarScan]) -> None:

@@ -1,6 +1,6 @@
 """Files that are whole or absent: each is written under a temporary name beside its place, then moved there.
 
-A run that is killed at any moment leaves whole files and temporaries, which the next run removes.
+A run that is killed at any moment leaves whole files and temporary ones, which the next run removes.
 """
 
 import os
@@ -10,14 +10,18 @@ _SUFFIX = ".part"
 
 
 class DatasetError(ValueError):
-    """A file or folder of a dataset is not what it should be; the message names it."""
+    """A file or folder of a data set is not valid; the message names it."""
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write `data` to `path`, so that the file is never seen in part.
+    """Write a file so that it is never seen in part.
+
+    Args:
+        path: File to write.
+        data: Its content.
 
     Raises:
-        OSError: the folder cannot be written to.
+        OSError: The folder cannot be written to.
     """
     temporary = temporary_beside(path)
     try:
@@ -29,10 +33,16 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file.
+    """Read a text file.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its text.
 
     Raises:
-        DatasetError: it is absent or no text; the message names it.
+        DatasetError: It is absent or no UTF-8 text; the message names it.
     """
     try:
         return path.read_text(encoding="utf-8")
@@ -41,11 +51,22 @@ def read_text(path: Path) -> str:
 
 
 def temporary_beside(path: Path) -> Path:
-    """Return the name under which this process prepares `path`."""
+    """Name the temporary file of this process for a file.
+
+    Args:
+        path: The file to be written.
+
+    Returns:
+        A path in the same folder.
+    """
     return path.with_name(f".{path.name}.{os.getpid()}{_SUFFIX}")
 
 
 def remove_temporaries(folder: Path) -> None:
-    """Remove what killed runs left in `folder` and the folders in it."""
+    """Remove the temporary files that killed runs left.
+
+    Args:
+        folder: Searched with all its folders.
+    """
     for path in folder.rglob(f".*{_SUFFIX}"):
         path.unlink(missing_ok=True)

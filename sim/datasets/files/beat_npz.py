@@ -1,7 +1,7 @@
 """The beat signal of a scan as a NumPy archive that `numpy.load` opens, the same bytes for the same signal.
 
-docs/conventions.md says what its arrays mean. Samples are mostly noise of some 17 steps of the converter:
-level 1 takes 18 ms to save a third of a megabyte, and higher levels save no more.
+docs/conventions.md defines its arrays. Samples are mostly noise of some 17 steps of the converter:
+compression at level 1 takes 18 ms to save a third of a megabyte, and higher levels save no more.
 """
 
 from pathlib import Path
@@ -18,21 +18,43 @@ NAMES = ("samples", "scale")
 
 
 def beat_bytes(beat: BeatSignal) -> bytes:
-    """Return a beat signal as the bytes of an .npz archive."""
+    """Encode a beat signal.
+
+    Args:
+        beat: The beat signal of a scan.
+
+    Returns:
+        The bytes of an .npz archive.
+    """
     return archive_bytes({name: getattr(beat, name) for name in NAMES}, level=_LEVEL)
 
 
 def write_beat(path: Path, beat: BeatSignal) -> None:
-    """Write a beat signal to `path`, whole or not at all."""
+    """Write a beat signal, whole or not at all.
+
+    Args:
+        path: File to write.
+        beat: The beat signal of a scan.
+
+    Raises:
+        OSError: The folder cannot be written to.
+    """
     write_whole(path, beat_bytes(beat))
 
 
 def read_beat(path: Path, *, sensor: Sensor = CTS350X) -> BeatSignal:
-    """Read the beat signal in `path`; its rows and samples are those of `sensor`.
+    """Read a beat signal.
+
+    Args:
+        path: A file that `write_beat` wrote.
+        sensor: The radar, which gives the number of azimuths and samples.
+
+    Returns:
+        The beat signal of the scan.
 
     Raises:
-        DatasetError: the file is absent, damaged, lacks an array, or an array is not what the sensor gives;
-            the message names both.
+        DatasetError: The file is absent, damaged, lacks an array, or an array does not fit the sensor; the
+            message names both.
     """
     path = Path(path)
     found = read_archive(path, NAMES, kind="beat file")

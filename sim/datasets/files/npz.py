@@ -1,6 +1,6 @@
 """Arrays by name as a NumPy archive that `numpy.load` opens: the same bytes for the same arrays.
 
-Entries are dated 1980, as zip archives without a clock are, and compressed by deflate.
+Entries are dated 1980, as those of zip archives without a clock are, and compressed by deflate.
 """
 
 import io
@@ -16,19 +16,34 @@ from echoscape.sim.datasets.files.atomic_write import DatasetError
 
 
 def archive_bytes(arrays: Mapping[str, NDArray], *, level: int) -> bytes:
-    """Return arrays as the bytes of an .npz archive, in their order, deflated at `level` (0 to 9)."""
+    """Encode arrays as an archive.
+
+    Args:
+        arrays: Arrays by name.
+        level: Level of compression, 0 to 9.
+
+    Returns:
+        The bytes of an .npz archive, in the order of `arrays`.
+    """
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as entries:
         for name, array in arrays.items():
             entry = io.BytesIO()
             np.lib.format.write_array(entry, np.ascontiguousarray(array).reshape(array.shape), version=(1, 0))
-            info = zipfile.ZipInfo(f"{name}.npy")  # dated 1980-01-01 unless told otherwise
+            info = zipfile.ZipInfo(f"{name}.npy")  # dated 1980-01-01 by default
             entries.writestr(info, entry.getbuffer(), zipfile.ZIP_DEFLATED, level)
     return archive.getvalue()
 
 
 def ends_as_archive(path: Path) -> bool:
-    """Whether a file is there and has an archive's directory, which is its end; the rest is not read."""
+    """Check that an archive is complete, by its directory, which is its end; the rest is not read.
+
+    Args:
+        path: A file that may not exist.
+
+    Returns:
+        Whether the file exists and ends as an archive does.
+    """
     try:
         with zipfile.ZipFile(path):
             return True
@@ -37,10 +52,18 @@ def ends_as_archive(path: Path) -> bool:
 
 
 def read_archive(path: Path, names: tuple[str, ...], *, kind: str) -> dict[str, NDArray]:
-    """Read only the arrays `names` from the archive in `path`; the rest is not unpacked.
+    """Read some arrays of an archive; the others are not decompressed.
+
+    Args:
+        path: The file.
+        names: Names of the arrays.
+        kind: What the file is called in messages.
+
+    Returns:
+        The arrays by name.
 
     Raises:
-        DatasetError: the file is absent, damaged, or lacks an array; the message names it and `kind`.
+        DatasetError: The file is absent, damaged, or lacks an array; the message names it and `kind`.
     """
     if not path.is_file():
         raise DatasetError(f"{path}: no such {kind}")

@@ -1,7 +1,7 @@
-"""The truth of a scan as a NumPy archive that `numpy.load` opens, the same bytes for the same truth.
+"""The ground truth of a scan as a NumPy archive that `numpy.load` opens, the same bytes for the same truth.
 
-Arrays are named after what they hold (docs/conventions.md lists them). They are compressed at level 1: some
-28 ms and half a megabyte a scan, where level 6 takes six times as long to save a third.
+docs/conventions.md lists its arrays. They are compressed at level 1: some 28 ms and half a megabyte a scan,
+where level 6 takes six times as long to save a third.
 """
 
 from pathlib import Path
@@ -15,7 +15,13 @@ from echoscape.sim.datasets.polar_scan import CellTruth, MoverBoxes, ScanTruth
 
 _LEVEL = 1
 _CELLS = ("component", "instance", "class_id", "bounces", "moving")
-_ROWS = ("pose", "middle_pose", "middle_us", "saturated", "first_m")
+_SCAN = {
+    "pose": "pose",
+    "middle_pose": "middle_pose",
+    "middle_us": "middle_us",
+    "saturated": "saturated",
+    "first_m": "first_obstacle_m",
+}
 _BOXES = {
     "box_instance": "instance",
     "box_class": "class_id",
@@ -24,34 +30,62 @@ _BOXES = {
     "box_yaw": "yaw",
     "box_velocity": "velocity",
 }
-NAMES = (*_CELLS, *_ROWS, *_BOXES)
+NAMES = (*_CELLS, *_SCAN, *_BOXES)
 """Names of the arrays in a truth file, in their order."""
 
 
 def truth_arrays(truth: ScanTruth) -> dict[str, NDArray]:
-    """Return the arrays of a truth file by name; instance ids as 16 bits where they fit."""
+    """Convert a truth to the arrays of its file.
+
+    Args:
+        truth: The truth of a scan.
+
+    Returns:
+        The arrays by name, in the order of `NAMES`; instance ids as 16 bits where they fit.
+    """
     arrays = {name: getattr(truth.cells, name) for name in _CELLS}
     if arrays["instance"].max(initial=0) <= np.iinfo(np.uint16).max:
         arrays["instance"] = arrays["instance"].astype(np.uint16)
-    arrays |= {name: np.asarray(getattr(truth, name)) for name in _ROWS}
+    arrays |= {name: np.asarray(getattr(truth, field)) for name, field in _SCAN.items()}
     return arrays | {name: getattr(truth.boxes, field) for name, field in _BOXES.items()}
 
 
 def truth_bytes(truth: ScanTruth) -> bytes:
-    """Return a truth as the bytes of an .npz archive."""
+    """Encode a truth.
+
+    Args:
+        truth: The truth of a scan.
+
+    Returns:
+        The bytes of an .npz archive.
+    """
     return archive_bytes(truth_arrays(truth), level=_LEVEL)
 
 
 def write_truth(path: Path, truth: ScanTruth) -> None:
-    """Write a truth to `path`, whole or not at all."""
+    """Write a truth, whole or not at all.
+
+    Args:
+        path: File to write.
+        truth: The truth of a scan.
+
+    Raises:
+        OSError: The folder cannot be written to.
+    """
     write_whole(path, truth_bytes(truth))
 
 
 def read_truth(path: Path) -> ScanTruth:
-    """Read the truth in `path`.
+    """Read a truth.
+
+    Args:
+        path: A file that `write_truth` wrote.
+
+    Returns:
+        The truth of the scan.
 
     Raises:
-        DatasetError: the file is absent, damaged, or lacks an array; the message names it.
+        DatasetError: The file is absent, damaged, or lacks an array; the message names it.
     """
     found = read_arrays(Path(path), NAMES)
     found["instance"] = found["instance"].astype(np.uint32)
@@ -65,15 +99,22 @@ def read_truth(path: Path) -> ScanTruth:
         middle_pose=found["middle_pose"],
         middle_us=int(found["middle_us"]),
         saturated=found["saturated"],
-        first_m=found["first_m"],
+        first_obstacle_m=found["first_m"],
         boxes=MoverBoxes(**{field: found[name] for name, field in _BOXES.items()}),
     )
 
 
 def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray]:
-    """Read only the arrays `names` from the truth in `path`; the rest is not unpacked.
+    """Read some arrays of a truth file; the others are not decompressed.
+
+    Args:
+        path: The file.
+        names: Names of the arrays, from `NAMES`.
+
+    Returns:
+        The arrays by name.
 
     Raises:
-        DatasetError: the file is absent, damaged, or lacks an array; the message names it.
+        DatasetError: The file is absent, damaged, or lacks an array; the message names it.
     """
     return read_archive(path, names, kind="truth file")

@@ -127,8 +127,8 @@ def test_movers_are_marked_and_boxed() -> None:
 def test_first_thing_in_the_beam_is_no_ground(yard: Scene) -> None:
     scan = scanned(yard, ONLY_ECHOES)
     assert scan.truth is not None
-    assert scan.truth.first_m[0] == pytest.approx(30.0, abs=0.1)
-    assert np.isinf(scan.truth.first_m[200])
+    assert scan.truth.first_obstacle_m[0] == pytest.approx(30.0, abs=0.1)
+    assert np.isinf(scan.truth.first_obstacle_m[200])
 
 
 def test_scans_come_out_the_same_in_any_order(yard: Scene) -> None:
