@@ -23,8 +23,8 @@ picture: demo
 		small_copy(Path('demo/preview.png'), Path('docs/preview.png'))"
 	rm -rf build/junction
 	$(BIN)/echoscape simulate build/junction --seed 102 --scans 40 --workers 2 --no-preview
-	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.scan_image import write_scan_picture; \
-		write_scan_picture(Path('build/junction'), Path('docs/scan.png'), scan=26)"
+	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.scan_image import write_scan_image; \
+		write_scan_image(Path('build/junction'), Path('docs/scan.png'), scan=26)"
 
 # Tables and pictures of docs/fidelity.md: seed 7 is the one that was calibrated on, 101 and 102 are others.
 ARTEFACTS := $(BIN)/echoscape artefacts --seed 7 --scans 240

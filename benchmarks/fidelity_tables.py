@@ -1,7 +1,9 @@
-"""Puts measured tables into docs/fidelity.md: `python -m benchmarks.fidelity_tables DOC REPORT... ARTEFACTS`.
+"""Puts measured tables into docs/fidelity.md.
 
-REPORT is a folder that `echoscape fidelity` wrote, the first of which is told in full; ARTEFACTS one that
-`echoscape artefacts` wrote. `make fidelity` runs all three.
+    python -m benchmarks.fidelity_tables DOC REPORT [REPORT ...] ARTEFACTS
+
+REPORT is a folder that `echoscape fidelity` wrote, the first of which is listed in full; ARTEFACTS is one
+that `echoscape artefacts` wrote. `make fidelity` runs all three.
 """
 
 import json
@@ -12,39 +14,65 @@ from pathlib import Path
 
 
 def filled(page: str, name: str, table: str) -> str:
-    """Return a page with `table` between the comments that begin and end the place `name`.
+    """Replace a table of a page.
+
+    Args:
+        page: Text of the page.
+        name: Name of the table in the comments around it, `<!-- name -->` and `<!-- end of name -->`.
+        table: The new table.
+
+    Returns:
+        Text of the page with the new table.
 
     Raises:
-        ValueError: the page has no such place, or several.
+        ValueError: The page has no such comments, or several.
     """
     place = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end of {name} -->)", re.DOTALL)
     if len(place.findall(page)) != 1:
-        raise ValueError(f"the page must have one place {name}, got {len(place.findall(page))}")
+        raise ValueError(f"the page must have one table {name}, got {len(place.findall(page))}")
     return place.sub(lambda found: f"{found[1]}{table.strip()}\n{found[2]}", page)
 
 
-def figures(report: Path) -> str:
-    """Return the table of a report, without what stands above it."""
+def statistics_table(report: Path) -> str:
+    """Read the table of a fidelity report.
+
+    Args:
+        report: Folder of the report.
+
+    Returns:
+        The table in Markdown.
+    """
     lines = (report / "fidelity.md").read_text().splitlines()
     return "\n".join(line for line in lines if line.startswith("|"))
 
 
-def seeds(reports: Sequence[Path]) -> str:
-    """Return a table with a row a report: how many figures are right, and which are not."""
-    lines = ["| scans of | right | what is off |", "|---|---:|---|"]
+def seeds_table(reports: Sequence[Path]) -> str:
+    """Make a table of several fidelity reports: how many statistics pass, and which do not.
+
+    Args:
+        reports: Folders of the reports.
+
+    Returns:
+        The table in Markdown.
+    """
+    lines = ["| scans of | pass | out of tolerance |", "|---|---:|---|"]
     for report in reports:
-        told = json.loads((report / "fidelity.json").read_text())
-        off = [row for row in told["rows"] if row["verdict"] not in (None, "right")]
-        words = "; ".join(f"{row['name'].replace('_', ' ')} {row['verdict']}" for row in off)
-        lines.append(f"| {told['data']['name']} | {told['right']} of {told['judged']} | {words} |")
+        content = json.loads((report / "fidelity.json").read_text())
+        failed = [score for score in content["scores"] if score["verdict"] not in (None, "pass")]
+        listed = "; ".join(f"{score['name'].replace('_', ' ')} {score['verdict']}" for score in failed)
+        lines.append(f"| {content['data']['name']} | {content['passed']} of {content['judged']} | {listed} |")
     return "\n".join(lines)
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Rewrite the page named first."""
+    """Rewrite the tables of a page.
+
+    Args:
+        arguments: Paths: the page, the reports, and the folder of the artefacts.
+    """
     page, *reports, artefacts = map(Path, arguments)
-    text = filled(page.read_text(), "figures", figures(reports[0]))
-    text = filled(text, "seeds", seeds(reports))
+    text = filled(page.read_text(), "figures", statistics_table(reports[0]))
+    text = filled(text, "seeds", seeds_table(reports))
     page.write_text(filled(text, "changes", (artefacts / "artefacts.md").read_text()))
 
 

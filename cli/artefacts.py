@@ -17,7 +17,7 @@ from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 
 if TYPE_CHECKING:
-    from echoscape.eval.ablation.run import Change
+    from echoscape.eval.ablation.run import ArtefactChange
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,28 +54,28 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _written(options: Options) -> tuple[list["Change"], tuple[Path, ...]]:
+def _written(options: Options) -> tuple[list["ArtefactChange"], tuple[Path, ...]]:
     """Refuse what cannot be drawn before the ray tracer is loaded, then draw."""
     config = simulation_config(options.simulation, scene=options.scene, targets=options.targets)
     index = config.scans // 2 if options.scan is None else options.scan
-    from echoscape.eval.ablation.cases import chosen
+    from echoscape.eval.ablation.cases import chosen_cases
     from echoscape.eval.ablation.figures import write_artefacts
     from echoscape.eval.ablation.run import check_index
 
     check_index(config, index)
-    chosen(options.only)
+    chosen_cases(options.only)
     with ProgressBars(Console(stderr=True)) as bars:
         return write_artefacts(options.out, config, index, names=options.only, progress=bars.report)
 
 
-def _table(rows: Sequence["Change"]) -> Table:
-    from echoscape.eval.ablation.run import HEADS, words
+def _table(rows: Sequence["ArtefactChange"]) -> Table:
+    from echoscape.eval.ablation.run import TABLE_COLUMNS, table_row
 
-    table = Table(*HEADS, box=None, padding=(0, 2, 0, 0))
+    table = Table(*TABLE_COLUMNS, box=None, padding=(0, 2, 0, 0))
     for column in table.columns[2:]:
         column.justify = "right"
     for row in rows:
-        table.add_row(*words(row))
+        table.add_row(*table_row(row))
     return table
 
 

@@ -14,9 +14,9 @@ from echoscape.cli.arguments import parse
 from echoscape.cli.progress import ProgressBars
 
 if TYPE_CHECKING:
-    from echoscape.eval.fidelity.score import Fidelity
+    from echoscape.eval.fidelity.score import FidelityReport
 
-_STYLES = {"right": "green", "low": "red", "high": "red", "unknown": "yellow"}
+_STYLES = {"pass": "green", "low": "red", "high": "red", "unknown": "yellow"}
 _LEAST_WIDTH = 108
 """Characters that the table needs."""
 
@@ -48,18 +48,17 @@ def main(arguments: Sequence[str]) -> int:
         return _refused(f"{error.filename or 'OUT'}: {error.strerror or error}")
     console = Console(width=max(Console().width, _LEAST_WIDTH))
     console.print(_table(result))
-    right, judged = result.judged()
-    if judged:
-        console.print(f"{right} of {judged} figures are right")
+    if result.judged:
+        console.print(f"{result.passed} of {result.judged} statistics pass")
     for path in paths:
         console.print(str(path), soft_wrap=True, highlight=False)
     return 0
 
 
-def _measured(options: Options) -> tuple["Fidelity", tuple[Path, ...]]:
+def _measured(options: Options) -> tuple["FidelityReport", tuple[Path, ...]]:
     """Measure and write the report."""
-    from echoscape.eval.fidelity.report import write_report
-    from echoscape.eval.fidelity.score import fidelity
+    from echoscape.eval.fidelity.report import write_fidelity_report
+    from echoscape.eval.fidelity.score import fidelity_report
     from echoscape.sim.datasets.files.output_folder import check_output_folder
     from echoscape.sim.datasets.scan_folder import open_folder
 
@@ -69,22 +68,21 @@ def _measured(options: Options) -> tuple["Fidelity", tuple[Path, ...]]:
     out = options.out or options.data / "fidelity"
     check_output_folder(out)
     with ProgressBars(Console(stderr=True)) as bars:
-        result = fidelity(data, reference=reference, progress=bars.report)
-    return result, write_report(out, result)
+        result = fidelity_report(data, reference=reference, progress=bars.report)
+    return result, write_fidelity_report(out, result)
 
 
-def _table(result: "Fidelity") -> Table:
-    from echoscape.eval.fidelity.report import cells
+def _table(result: "FidelityReport") -> Table:
+    from echoscape.eval.fidelity.report import TABLE_COLUMNS, table_row
 
     table = Table(box=None, padding=(0, 2, 0, 0))
-    names = ("figure", "value", "target", "tolerance", "verdict", "reference", "against it")
-    shown = len(names) if result.reference else len(names) - 2
-    for name in names[:shown]:
+    shown = len(TABLE_COLUMNS) if result.reference else len(TABLE_COLUMNS) - 2
+    for name in TABLE_COLUMNS[:shown]:
         table.add_column(
             name, justify="right" if name in ("value", "target", "reference") else "left", no_wrap=True
         )
-    for row in result.rows:
-        words = cells(row)[:shown]
+    for score in result.scores:
+        words = table_row(score)[:shown]
         table.add_row(*(f"[{_STYLES[word]}]{word}[/]" if word in _STYLES else word for word in words))
     return table
 

@@ -1,1 +1,1 @@
-"""One scan with and without each artefact: cases, runs, figures."""
+"""The effect of each artefact on one scan."""

@@ -1,135 +1,199 @@
-"""The artefacts as they are shown on one scan: at which strengths, and on which part of it."""
+"""How each artefact is shown on one scan: at which strengths, and on which part of the scan."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-OWN = -1.0
-"""Stands for the strength that the config gives an effect, or the default one where it gives none."""
+NOMINAL = -1.0
+"""Stands for the strength in the configuration, or the default where the configuration has it off."""
+
+
+def times(strength: float) -> str:
+    """Return a factor over the nominal value as text, such as "×1".
+
+    Args:
+        strength: The factor.
+
+    Returns:
+        The text.
+    """
+    return f"×{strength:.3g}"
+
+
+def percent(strength: float) -> str:
+    """Return a share as text, such as "100 %".
+
+    Args:
+        strength: The share, 0 to 1.
+
+    Returns:
+        The text.
+    """
+    return f"{100 * strength:.3g} %"
+
+
+def bits(step: float) -> str:
+    """Return the step of a converter as its number of bits, such as "12 bit".
+
+    Args:
+        step: Step over the amplitude at which the converter clips [V/V].
+
+    Returns:
+        The text.
+    """
+    return f"{1 - math.log2(step):.3g} bit"
+
+
+def quantity(unit: str) -> Callable[[float], str]:
+    """Return what writes a strength with its unit, such as "10 mm/h".
+
+    Args:
+        unit: The unit.
+
+    Returns:
+        A function from strength to text.
+    """
+    return lambda strength: f"{strength:.0f} {unit}" if strength >= 999 else f"{strength:.3g} {unit}"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Effect:
-    """An artefact as it is shown: at which strengths, and where on the scan.
+class ArtefactCase:
+    """How one artefact is shown.
 
-    name: field of `sim.settings.artefacts.Artefacts`; strengths: those shown beside 0; view: seen from above, as the
-    sensor writes it (polar), or those two laid over each other in two colours; span_m: width of the part
-    shown [m]; of: the cells whose change decides which part that is, by component, or those of movers;
-    movers: whether their boxes are drawn.
+    Attributes:
+        name: Field of `sim.settings.artefacts.Artefacts`.
+        text: Caption: what the artefact does to the scan.
+        strength_text: Writes a strength other than 0 in the unit that an engineer uses.
+        strengths: Strengths that are shown beside 0.
+        view: Seen from above, as the sensor writes it (polar), or two scans from above laid over each other.
+        span_m: Width of the part shown [m].
+        region: Cells whose change decides which part is shown: of a component, of moving objects, or all.
+        boxes: Whether the boxes of moving objects are drawn.
     """
 
     name: str
-    unit: str
     text: str
-    strengths: tuple[float, ...] = (OWN,)
+    strength_text: Callable[[float], str] = times
+    strengths: tuple[float, ...] = (NOMINAL,)
     view: Literal["above", "polar", "overlay"] = "above"
     span_m: float
-    of: Literal["", "direct", "ghost", "sidelobe", "mover"] = ""
-    movers: bool = False
+    region: Literal["", "direct", "ghost", "sidelobe", "mover"] = ""
+    boxes: bool = False
 
 
-EFFECTS = (
-    Effect(
+CASES = (
+    ArtefactCase(
         name="speckle",
-        unit="W/W",
+        strength_text=percent,
         span_m=40.0,
-        of="direct",
-        text="interference of the scatterers of a cell; 0: they add by power",
+        region="direct",
+        text="interference of the scatterers within a cell; off: their powers add",
     ),
-    Effect(
+    ArtefactCase(
         name="ghosts",
-        unit="W/W",
         span_m=140.0,
-        of="ghost",
-        text="paths that met two or three surfaces, at half their length",
+        region="ghost",
+        text="paths of two or three bounces, at half their length",
     ),
-    Effect(
+    ArtefactCase(
         name="sidelobes",
-        unit="W/W",
         span_m=140.0,
-        of="sidelobe",
-        text="what the beam hears outside its main lobe, and sends there",
+        region="sidelobe",
+        text="echoes received outside the main lobe of the antenna",
     ),
-    Effect(
+    ArtefactCase(
         name="saturation",
-        unit="V/V",
         view="polar",
         span_m=163.0,
-        text="a converter that clips: harmonics and a raised floor in all of the row",
+        text="clipping: harmonics at multiples of a strong echo's range, a lower floor between them",
     ),
-    Effect(
+    ArtefactCase(
         name="phase_noise",
-        unit="rad",
+        strength_text=quantity("rad"),
         view="polar",
         span_m=163.0,
-        text="skirts of strong echoes along their rows, wider the farther they are",
+        text="skirts of strong echoes along their azimuth, wider at longer range",
     ),
-    Effect(
-        name="thermal_noise", unit="K", view="polar", span_m=60.0, text="noise of the receiver, in every cell"
+    ArtefactCase(
+        name="thermal_noise",
+        strength_text=quantity("K"),
+        view="polar",
+        span_m=60.0,
+        text="receiver noise in every cell",
     ),
-    Effect(
+    ArtefactCase(
         name="leakage",
-        unit="W/W",
         view="polar",
         span_m=8.0,
-        text="transmitter to receiver, and the radome: alike in all rows",
+        text="transmitter-to-receiver coupling and the radome, the same at every azimuth",
     ),
-    Effect(
+    ArtefactCase(
         name="quantisation",
-        unit="V/V",
+        strength_text=bits,
         view="polar",
         span_m=163.0,
-        strengths=(OWN, 2.0**-5),
-        text="steps of the converter: the sensor's own, and those of 6 bits",
+        strengths=(NOMINAL, 2.0**-5),
+        text="analogue-to-digital conversion: the sensor's own, and with 6 bits",
     ),
-    Effect(
+    ArtefactCase(
         name="motion_distortion",
-        unit="s/s",
+        strength_text=percent,
         view="overlay",
         span_m=200.0,
-        movers=True,
-        text="each row from where the car is at its time, or all from mid-scan",
+        boxes=True,
+        text="each azimuth from the car's pose at its own time; off: all from mid-scan",
     ),
-    Effect(
+    ArtefactCase(
         name="doppler",
-        unit="m per m/s",
+        strength_text=quantity("m per m/s"),
         view="overlay",
         span_m=30.0,
-        of="mover",
-        movers=True,
-        text="what closes in at v seems nearer by beta v (rising sweeps)",
+        region="mover",
+        boxes=True,
+        text="range offset by radial speed: approaching objects appear nearer (rising sweep)",
     ),
-    Effect(
+    ArtefactCase(
         name="movers",
-        unit="of 1",
-        span_m=80.0,
-        of="mover",
-        movers=True,
-        text="who else is on the road, with shadows and ghosts; boxes: truth",
+        strength_text=percent,
+        span_m=40.0,
+        region="mover",
+        boxes=True,
+        text="moving objects, their shadows and ghosts",
     ),
-    Effect(
+    ArtefactCase(
         name="rain",
-        unit="mm/h",
+        strength_text=quantity("mm/h"),
         strengths=(10.0, 25.0),
         span_m=200.0,
-        text="echoes of drops nearby, attenuation far away",
+        text="echoes of nearby drops, attenuation at long range",
     ),
-    Effect(
+    ArtefactCase(
         name="interference",
-        unit="W",
+        strength_text=quantity("W EIRP"),
         strengths=(10.0,),
         view="polar",
         span_m=163.0,
-        text="chirps of other cars' radars: raised floors of the rows that look at them",
+        text="other cars' radars: a higher noise floor in the azimuths that point at them",
     ),
 )
-"""The effects, one for each field of `Artefacts`."""
+"""One case for each field of `Artefacts`, in their order."""
 
 
-def chosen(names: Sequence[str]) -> tuple[Effect, ...]:
-    """Return the effects of these names, in the order of `EFFECTS`; all of them where none is named."""
-    known = [effect.name for effect in EFFECTS]
+def chosen_cases(names: Sequence[str]) -> tuple[ArtefactCase, ...]:
+    """Return the cases of some artefacts.
+
+    Args:
+        names: Names of artefacts; none of them for all.
+
+    Returns:
+        Their cases, in the order of `CASES`.
+
+    Raises:
+        ValueError: There is no artefact of a name.
+    """
+    known = [case.name for case in CASES]
     for name in names:
         if name not in known:
             raise ValueError(f"only must name some of {', '.join(known)}, got {name!r}")
-    return tuple(effect for effect in EFFECTS if not names or effect.name in names)
+    return tuple(case for case in CASES if not names or case.name in names)

@@ -1,6 +1,7 @@
 """One scan without and with each artefact, and the share of its cells that this changes.
 
-The scan is traced once for all settings but those that change where rays go (`sim.simulator.Simulator.scans`).
+The scan is traced once for all settings but those that change where rays go
+(`sim.simulator.Simulator.scans`).
 """
 
 from collections.abc import Callable, Sequence

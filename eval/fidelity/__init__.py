@@ -1,1 +1,1 @@
-"""Statistics of a folder of scans beside those of real ones."""
+"""Statistics of a folder of scans compared with those of real scans."""

@@ -1,76 +1,84 @@
-"""The statistics of a folder of scans as a page of plots: the folder, a reference, and the real figures.
+"""The statistics of a folder of scans as a page of plots: the folder, a reference folder, and the targets.
 
-The panels stand in eval/fidelity/panels.py; the last one lists what is off.
+The panels are in eval/fidelity/panels.py; the last one lists the statistics out of tolerance.
 """
 
-import io
 import math
 
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from PIL import Image
 
 from echoscape.eval.fidelity.panels import PANELS
 from echoscape.eval.fidelity.reference_values import TARGETS, Target
-from echoscape.eval.fidelity.score import RIGHT, Fidelity, number_text, span_text
-from echoscape.eval.figures.preview import ACCENT, FAINT, INK
-from echoscape.eval.figures.style import PAGE
+from echoscape.eval.fidelity.score import PASS, FidelityReport, number_text, span_text
+from echoscape.eval.figures.style import (
+    ACCENT,
+    ERROR_COLOUR,
+    FAINT,
+    FRAME,
+    INK,
+    PANEL,
+    TRUTH_COLOUR,
+    font_family,
+    new_page,
+    png_bytes,
+)
 
-OTHER = "#59d0ff"
-"""Colour of the reference."""
-_PANEL, _GRID = "#131820", "#2a313b"
-_OFF = "#ff6b6b"
-_DPI = 100
 _LISTED = 14
 
 
-def page(result: Fidelity) -> bytes:
-    """Return the page as a PNG."""
-    figure = Figure(figsize=(18, 15.2), dpi=_DPI, facecolor=PAGE)
-    canvas = FigureCanvasAgg(figure)
-    targets = TARGETS.get(result.data.sensor, {})
+def fidelity_page(report: FidelityReport) -> bytes:
+    """Draw the page of a report.
+
+    Args:
+        report: The report.
+
+    Returns:
+        A PNG file.
+    """
+    figure = new_page(18, 15.2)
+    targets = TARGETS.get(report.data.sensor, {})
     grid = figure.add_gridspec(
         4, 3, left=0.045, right=0.98, top=0.915, bottom=0.045, wspace=0.16, hspace=0.36
     )
     for place, (title, text, draw, mark) in enumerate(PANELS):
         axes = figure.add_subplot(grid[place // 3, place % 3])
         _prepare(axes, title, text)
-        if result.reference is not None:
-            draw(axes, result.reference, OTHER)
-        draw(axes, result.data, ACCENT)
+        if report.reference is not None:
+            draw(axes, report.reference, TRUTH_COLOUR)
+        draw(axes, report.data, ACCENT)
         mark(axes, targets)
-    _verdicts(figure.add_subplot(grid[3, 2]), result)
-    _caption(figure, result)
-    canvas.draw()
-    data = io.BytesIO()
-    Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]).save(data, "png", optimize=True)
-    return data.getvalue()
+    _failures(figure.add_subplot(grid[3, 2]), report)
+    _caption(figure, report)
+    return png_bytes(figure)
 
 
-def _caption(figure: Figure, result: Fidelity) -> None:
-    data, other = result.data, result.reference
-    right, judged = result.judged()
-    told = f"{right} of {judged} figures right" if judged else "no targets for this sensor"
-    text = f"{data.name}   ·   {data.scans} scans of {data.sensor}   ·   {told}"
-    figure.text(0.045, 0.968, "Fidelity", size=25, color=INK, weight="bold", va="center")
-    figure.text(0.98, 0.968, text, size=14, color=FAINT, va="center", ha="right")
+def _caption(figure: Figure, report: FidelityReport) -> None:
+    data, other = report.data, report.reference
+    result = (
+        f"{report.passed} of {report.judged} statistics pass"
+        if report.judged
+        else "no targets for this sensor"
+    )
+    text = f"{data.name}   ·   {data.scans} scans of {data.sensor}   ·   {result}"
+    title = {"color": INK, "weight": "bold", "va": "center", "family": font_family()}
+    figure.text(0.045, 0.968, "Fidelity", size=25, **title)
+    figure.text(0.98, 0.968, text, size=14, color=FAINT, va="center", ha="right", family=font_family())
     handles = [Line2D([], [], color=ACCENT, lw=3, label=data.name)]
     if other is not None:
-        handles.append(
-            Line2D([], [], color=OTHER, lw=3, label=f"reference: {other.name}, {other.scans} scans")
-        )
-    if judged:
-        handles.append(Line2D([], [], color=INK, marker="o", lw=1.5, label="real scans, with tolerance"))
+        label = f"reference: {other.name}, {other.scans} scans"
+        handles.append(Line2D([], [], color=TRUTH_COLOUR, lw=3, label=label))
+    if report.judged:
+        label = "target from real scans, with tolerance"
+        handles.append(Line2D([], [], color=INK, marker="o", lw=1.5, label=label))
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.13, 0.982), ncols=3, frameon=False,
                   labelcolor=INK, prop={"size": 12})  # fmt: skip
 
 
 def _prepare(axes: Axes, title: str, text: str) -> None:
-    axes.set_facecolor(_PANEL)
-    axes.grid(color=_GRID, lw=0.7)
+    axes.set_facecolor(PANEL)
+    axes.grid(color=FRAME, lw=0.7)
     axes.set_axisbelow(True)
     axes.tick_params(colors=FAINT, labelsize=9.5, length=0)
     axes.spines[:].set_visible(False)
@@ -80,30 +88,30 @@ def _prepare(axes: Axes, title: str, text: str) -> None:
                   size=10, color=FAINT, ha="right")  # fmt: skip
 
 
-# ---------------------------------------------------------------------- verdicts
+# ---------------------------------------------------------------------- statistics out of tolerance
 
 
-def _verdicts(axes: Axes, result: Fidelity) -> None:
-    """List the figures that are not right, those farthest off first."""
-    off = [row for row in result.rows if row.target is not None and row.verdict != RIGHT]
-    off.sort(key=lambda row: -_distance(row.value, row.target))
-    _prepare(axes, "What is off", "farthest first: value, target" if off else "")
+def _failures(axes: Axes, report: FidelityReport) -> None:
+    """List the statistics that do not pass, the worst first."""
+    failed = [score for score in report.scores if score.target is not None and score.verdict != PASS]
+    failed.sort(key=lambda score: -_excess(score.value, score.target))
+    _prepare(axes, "Out of tolerance", "worst first: value, target" if failed else "")
     axes.set(xticks=[], yticks=[], xlim=(0, 1), ylim=(_LISTED, 0))
     axes.grid(visible=False)
-    if not off:
-        axes.text(0.03, 1, "nothing", color=INK, size=12)
-    for place, row in enumerate(off[:_LISTED]):
-        at = place + 0.65
-        axes.text(0.03, at, row.name.replace("_", " "), color=INK, size=10.5)
-        axes.text(0.72, at, number_text(row.value), color=_OFF, size=10.5, ha="right")
-        axes.text(0.97, at, span_text(row.target), color=FAINT, size=10.5, ha="right")
-    if len(off) > _LISTED:
-        axes.annotate(f"and {len(off) - _LISTED} more", (1, 0), xytext=(0, -12), color=FAINT, size=10,
+    if not failed:
+        axes.text(0.03, 1, "none", color=INK, size=12)
+    for place, score in enumerate(failed[:_LISTED]):
+        y = place + 0.65
+        axes.text(0.03, y, score.name.replace("_", " "), color=INK, size=10.5)
+        axes.text(0.72, y, number_text(score.value), color=ERROR_COLOUR, size=10.5, ha="right")
+        axes.text(0.97, y, span_text(score.target), color=FAINT, size=10.5, ha="right")
+    if len(failed) > _LISTED:
+        axes.annotate(f"and {len(failed) - _LISTED} more", (1, 0), xytext=(0, -12), color=FAINT, size=10,
                       xycoords="axes fraction", textcoords="offset points", ha="right")  # fmt: skip
 
 
-def _distance(value: float, target: Target | None) -> float:
-    """Return how far a value lies outside its limits, in half widths of what is right."""
+def _excess(value: float, target: Target | None) -> float:
+    """Return how far a value lies outside its limits, in half widths of what passes."""
     if target is None or math.isnan(value):
         return math.inf
     low, high = target.limits

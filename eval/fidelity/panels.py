@@ -1,6 +1,6 @@
-"""The curves of a fidelity page: one panel a statistic, drawn for a folder and marked with the real figures.
+"""The panels of a fidelity page: curves of a folder's statistics, marked with the targets.
 
-White marks are targets (eval/fidelity/reference_values.py) with their tolerance; where they are spans, bars are spans.
+White marks are targets with their tolerance (eval/fidelity/reference_values.py); thick bars are spans.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,18 +12,26 @@ from numpy.typing import NDArray
 
 from echoscape.eval.fidelity import point_spread as spread
 from echoscape.eval.fidelity import scan_statistics as stats
-from echoscape.eval.fidelity.dataset_statistics import EXCEEDED_DB, LEVEL_BANDS_M, NOISE_CODES, RANKS, Survey
+from echoscape.eval.fidelity.dataset_statistics import (
+    EXCEEDED_DB,
+    LEVEL_BANDS_M,
+    NOISE_CODES,
+    RANKS,
+    DatasetStatistics,
+)
 from echoscape.eval.fidelity.reference_values import Target
 from echoscape.eval.fidelity.score import number_text
-from echoscape.eval.figures.preview import FAINT, INK
+from echoscape.eval.figures.style import FAINT, INK
 
 Targets = dict[str, Target]
-Draw = Callable[[Axes, Survey, str], None]
+"""Targets by the name of their statistic."""
+Draw = Callable[[Axes, DatasetStatistics, str], None]
+"""Draws the curves of a folder in a colour."""
 _QUANTILES = ((0.5, ":"), (0.9, "--"), (0.99, "-."))
 
 
 def _marks(axes: Axes, targets: Targets, names: Sequence[str], at: Sequence[float]) -> None:
-    """Mark targets at abscissas `at`: a dot for a value, a bar for a span, a thin one for what is right."""
+    """Mark targets at abscissas `at`: a dot for a value, a bar for a span, a thin bar for the tolerance."""
     for name, x in zip(names, at, strict=True):
         if (target := targets.get(name)) is not None:
             axes.plot([x, x], target.limits, color=INK, lw=1.2, alpha=0.7, zorder=4)
@@ -36,7 +44,7 @@ def _marks(axes: Axes, targets: Targets, names: Sequence[str], at: Sequence[floa
 # ---------------------------------------------------------------------- levels
 
 
-def _draw_histogram(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_histogram(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     counts = found.histogram
     code = np.flatnonzero(counts)
     axes.plot(code, 100 * counts[code] / counts.sum(), color=colour, lw=1.8)
@@ -55,7 +63,7 @@ def _mark_histogram(axes: Axes, targets: Targets) -> None:
             )
 
 
-def _draw_exceedance(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_exceedance(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     share = 100 * stats.exceedance(found.histogram)
     shown = np.flatnonzero(share > 0)
     axes.plot(shown / 2, share[shown], color=colour, lw=1.8)
@@ -66,7 +74,7 @@ def _mark_exceedance(axes: Axes, targets: Targets) -> None:
     _marks(axes, targets, [f"exceedance_{level}_db_percent" for level in EXCEEDED_DB], EXCEEDED_DB)
 
 
-def _draw_by_range(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_by_range(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     middle = (np.arange(len(found.bands)) + 0.5) * stats.BAND_M
     axes.plot(middle, [stats.moments(band)[0] for band in found.bands], color=colour, lw=2.4)
     for share, style in _QUANTILES:
@@ -87,7 +95,7 @@ def _mark_by_range(axes: Axes, targets: Targets) -> None:
 # ---------------------------------------------------------------------- noise
 
 
-def _draw_noise(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_noise(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     share = 100 * found.noise / max(int(found.noise.sum()), 1)
     codes = np.array(NOISE_CODES)
     axes.plot(range(len(codes)), share[codes], color=colour, lw=1.6, marker=".", ms=8)
@@ -99,7 +107,7 @@ def _mark_noise(axes: Axes, targets: Targets) -> None:
     _marks(axes, targets, [f"noise_code_{code}_percent" for code in NOISE_CODES], range(len(NOISE_CODES)))
 
 
-def _draw_correlation(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_correlation(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     axes.plot(np.arange(stats.LAGS + 1), found.noise_correlation, color=colour, lw=1.8, marker=".", ms=6)
     axes.set(ylim=(-0.15, 1.03), xlim=(0, stats.LAGS))
 
@@ -109,7 +117,7 @@ def _mark_correlation(axes: Axes, targets: Targets) -> None:
     _marks(axes, targets, [f"noise_correlation_lag_{lag}" for lag in lags], lags)
 
 
-def _draw_envelope(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_envelope(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     axes.stairs(found.envelope, stats.ENVELOPE_M, color=colour, lw=1.8, baseline=None)
     axes.set(yscale="log", ylim=(0.3, 30), xlim=(3, 163))
 
@@ -123,7 +131,7 @@ def _mark_envelope(axes: Axes, targets: Targets) -> None:
 # ---------------------------------------------------------------------- point spread
 
 
-def _draw_range_spread(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_range_spread(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     profile = found.range_profile
     offset_m = (np.arange(len(profile)) - len(profile) // 2) * found.bin_m
     axes.plot(offset_m, profile, color=colour, lw=1.8)
@@ -142,7 +150,7 @@ def _mark_range_spread(axes: Axes, targets: Targets) -> None:
 
 
 def _width(axes: Axes, target: Target | None, level_db: float, unit: float) -> None:
-    """Mark a width by a bar as long as it at its level, with the ends that are right as ticks."""
+    """Mark the target of a width by a bar at its level, with thick ends for the tolerance."""
     if target is None:
         return
     half = target.low * unit / 2
@@ -154,7 +162,7 @@ def _width(axes: Axes, target: Target | None, level_db: float, unit: float) -> N
                   textcoords="offset points", ha="center", zorder=6)  # fmt: skip
 
 
-def _draw_azimuth_spread(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_azimuth_spread(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     profile = found.azimuth_profile
     offset_deg = (np.arange(len(profile)) - len(profile) // 2) * 360 / found.azimuths
     axes.plot(offset_deg, profile, color=colour, lw=1.8, marker=".", ms=6)
@@ -169,10 +177,10 @@ def _mark_azimuth_spread(axes: Axes, targets: Targets) -> None:
             axes.fill_between([low, high], skirt.low, skirt.high, color=INK, alpha=0.6, lw=0)
 
 
-# ---------------------------------------------------------------------- rows
+# ---------------------------------------------------------------------- azimuths
 
 
-def _draw_ranks(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_ranks(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     for share, style, width in ((0.5, "-", 1.8), (0.1, ":", 1.0), (0.9, ":", 1.0)):
         levels = [stats.quantile(counts, share) for counts in found.ranks]
         axes.plot(RANKS, levels, color=colour, lw=width, ls=style)
@@ -186,7 +194,7 @@ def _mark_ranks(axes: Axes, targets: Targets) -> None:
     _marks(axes, targets, [f"strongest_{k}_code" for k in ranks], ranks)
 
 
-def _draw_leakage(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_leakage(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     range_m = (np.arange(len(found.near)) + 0.5) * found.bin_m
     mean = found.near @ np.arange(256) / np.maximum(found.near.sum(axis=1), 1)
     axes.plot(range_m, mean, color=colour, lw=1.8)
@@ -195,30 +203,30 @@ def _draw_leakage(axes: Axes, found: Survey, colour: str) -> None:
 
 
 def _mark_leakage(axes: Axes, targets: Targets) -> None:
-    least, most = targets.get("leakage_least_code"), targets.get("leakage_most_code")
+    least, most = targets.get("leakage_min_code"), targets.get("leakage_max_code")
     if least is not None and most is not None:
         for level in (least.low, most.low):
             axes.plot([0, 1.43], [level, level], color=INK, lw=1.4, ls=(0, (4, 3)))
     _marks(axes, targets, ["near_3_m_code_p50"], [3.0])
 
 
-def _draw_spokes(axes: Axes, found: Survey, colour: str) -> None:
+def _draw_spokes(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     level: NDArray[np.float64] = found.far_median.reshape(-1, found.azimuths)
-    spokes = 100 * stats.spoke_rows(level).mean(axis=0)
+    spokes = 100 * stats.spoke_azimuths(level).mean(axis=0)
     width = max(1, found.azimuths // 50)
     around = np.concatenate([spokes[-width:], spokes, spokes[:width]])
     smooth = np.convolve(around, np.full(2 * width + 1, 1 / (2 * width + 1)), "valid")
     azimuth_deg = np.arange(found.azimuths) * 360 / found.azimuths
     axes.fill_between(azimuth_deg, smooth, color=colour, alpha=0.25, lw=0)
     axes.plot(azimuth_deg, smooth, color=colour, lw=1.6)
-    share = 100 * float(stats.spoke_rows(level).mean())
+    share = 100 * float(stats.spoke_azimuths(level).mean())
     axes.axhline(share, color=colour, lw=1.0, ls="--")
     axes.set(ylim=(0, None), xlim=(0, 360))
     axes.set_xticks([0, 90, 180, 270, 360], ["ahead", "right", "behind", "left", "ahead"])
 
 
 def _mark_spokes(axes: Axes, targets: Targets) -> None:
-    if (target := targets.get("spoke_rows_percent")) is not None:
+    if (target := targets.get("spoke_azimuths_percent")) is not None:
         axes.axhspan(target.low, target.high, color=INK, alpha=0.1, lw=0)
     axes.set_ylim(0, max(50.0, axes.get_ylim()[1]))
 
@@ -229,13 +237,13 @@ PANELS: tuple[tuple[str, str, Draw, Callable[[Axes, Targets], None]], ...] = (
     ("Levels by range", "mean (thick), p50, p90, p99 by range [m]", _draw_by_range, _mark_by_range),
     ("Noise", "share of quiet far cells by code [%]", _draw_noise, _mark_noise),
     ("Noise over range", "autocorrelation by lag [bins]", _draw_correlation, _mark_correlation),
-    ("Lower envelope", "power of the 5th-percentile row by range [m]", _draw_envelope, _mark_envelope),
+    ("Lower envelope", "power of the 5th-percentile azimuth by range [m]", _draw_envelope, _mark_envelope),
     ("Point spread in range", "median peak [dB] by offset [m]", _draw_range_spread,
      _mark_range_spread),
     ("Point spread in azimuth", "median peak [dB] by offset [°]", _draw_azimuth_spread,
      _mark_azimuth_spread),
-    ("Strongest of a row", "median code (p10, p90 dotted) by rank", _draw_ranks, _mark_ranks),
+    ("Strongest range bins", "median code by rank in an azimuth (p10, p90 dotted)", _draw_ranks, _mark_ranks),
     ("Leakage", "mean code (median dotted) by range [m]", _draw_leakage, _mark_leakage),
-    ("Spokes", "share of rows with a bright floor [%]", _draw_spokes, _mark_spokes),
+    ("Spokes", "share of scans with a raised floor [%], by azimuth", _draw_spokes, _mark_spokes),
 )  # fmt: skip
-"""Title, text, what draws a folder's curve, what marks the targets."""
+"""Title and caption of each panel, what draws the curves of a folder, and what marks the targets."""

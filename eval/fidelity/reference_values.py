@@ -1,7 +1,7 @@
-"""What real scans measure, with how near counts as right: the figures that scans are judged by.
+"""Target values of the statistics, measured on real scans, with their tolerances.
 
 Oxford: 14 raw scans of the Oxford Radar RobotCar data set (Barnes et al., ICRA 2020) from two places; other
-sensors: the few raw scans that are published as examples. Two places give a span, which is right throughout.
+sensors: the few raw scans that are published as examples. Two places give a span; all of it passes.
 """
 
 from dataclasses import dataclass
@@ -14,9 +14,15 @@ BOREAS = "1 raw scan of the Boreas-RT data set"
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """A figure's real value, or the span between the least and the greatest of several places.
+    """The value of a statistic on real scans, or the span of its values at several places.
 
-    rule: what `tolerance` is: a `share` of the value, a `factor`, or a `difference`; it widens both ends.
+    Attributes:
+        name: Name of the statistic.
+        low: Smallest value.
+        high: Largest value.
+        rule: Meaning of `tolerance`: a share of the value, a factor, or a difference; it widens both ends.
+        tolerance: The tolerance.
+        source: Scans that the value was measured on.
     """
 
     name: str
@@ -28,7 +34,7 @@ class Target:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The least and the greatest value that is right."""
+        """The smallest and the largest value that pass."""
         low, high = (
             widened(self.low, self.rule, self.tolerance),
             widened(self.high, self.rule, self.tolerance),
@@ -37,7 +43,16 @@ class Target:
 
 
 def widened(value: float, rule: str, tolerance: float) -> tuple[float, float]:
-    """Return the least and the greatest value that counts as `value`."""
+    """Return the limits around a value.
+
+    Args:
+        value: The value.
+        rule: Meaning of the tolerance: "share", "factor" or "difference".
+        tolerance: The tolerance.
+
+    Returns:
+        The smallest and the largest value that pass.
+    """
     if rule == "difference":
         return value - tolerance, value + tolerance
     ends = (value / tolerance, value * tolerance) if rule == "factor" else (
@@ -48,10 +63,16 @@ def widened(value: float, rule: str, tolerance: float) -> tuple[float, float]:
 
 
 def tolerance_of(name: str) -> tuple[Literal["share", "factor", "difference"], float]:
-    """Return how near a figure has to come, by the beginning of its name.
+    """Return the tolerance of a statistic, by the beginning of its name.
+
+    Args:
+        name: Name of the statistic.
+
+    Returns:
+        Rule and tolerance, as in `Target`.
 
     Raises:
-        KeyError: there is no figure of such a name.
+        KeyError: There is no statistic of such a name.
     """
     for beginning, rule, tolerance in _TOLERANCES:
         if name.startswith(beginning):
@@ -71,22 +92,23 @@ _TOLERANCES: tuple[tuple[str, Literal["share", "factor", "difference"], float], 
     ("range_skirt_", "difference", 4.0),
     ("azimuth_skirt_", "difference", 4.0),
     ("isolated_", "factor", 1.5),
-    ("unwritable_", "difference", 0.0),
+    ("invalid_", "difference", 0.0),
     ("zeros_", "share", 0.25),
     ("mean_code", "share", 0.25),
     ("std_code", "share", 0.25),
     ("exceedance_", "factor", 1.5),
     ("strongest_", "difference", 6.0),
-    *((f"code_p{share}_", "difference", 12.0) for share in (50, 90, 99)),  # by range: one place's streets
+    # Levels by range depend on the streets of one place.
+    *((f"code_p{share}_", "difference", 12.0) for share in (50, 90, 99)),
     ("code_", "difference", 6.0),
     ("maxima_", "factor", 1.5),
     ("peaks_", "factor", 1.5),
     ("spoke_", "factor", 1.5),
 )
-"""Tolerances by the beginning of a figure's name; the first that fits counts."""
+"""Rule and tolerance by the beginning of a statistic's name; the first that fits applies."""
 
-_SPANS_ALONE = ("spoke_rows_percent",)
-"""Figures whose span is wide enough to be right without tolerance."""
+_SPANS_ONLY = ("spoke_azimuths_percent",)
+"""Statistics whose span is wide enough to need no tolerance."""
 
 Span = float | tuple[float, float]
 
@@ -108,7 +130,7 @@ _OXFORD: dict[str, Span] = {
     "noise_correlation_lag_6": 0.33,
     "noise_correlation_lag_7": 0.23,
     "noise_correlation_lag_8": 0.15,
-    "noise_correlation_rows": (0.0, 0.15),
+    "noise_correlation_azimuths": (0.0, 0.15),
     "noise_correlation_scans": 0.01,
     "envelope_3_5_m_power": 0.79,
     "envelope_5_10_m_power": 1.26,
@@ -119,8 +141,8 @@ _OXFORD: dict[str, Span] = {
     "envelope_80_100_m_power": 1.8,
     "envelope_100_120_m_power": 1.5,
     "envelope_120_163_m_power": 1.4,
-    "leakage_least_code": 29.0,
-    "leakage_most_code": 47.0,
+    "leakage_min_code": 29.0,
+    "leakage_max_code": 47.0,
     "near_3_m_code_p50": 5.0,
     "range_width_3_db_bins": 8.3,
     "range_width_6_db_bins": 11.5,
@@ -135,8 +157,8 @@ _OXFORD: dict[str, Span] = {
     "azimuth_width_20_db_deg": 3.9,
     "azimuth_width_30_db_deg": 5.8,
     "azimuth_skirt_beyond_5_deg_db": (-40.0, -38.0),
-    "isolated_peaks_a_scan": 275.0,  # 3849 in 14 scans
-    "unwritable_codes": 0.0,
+    "isolated_peaks_per_scan": 275.0,  # 3849 in 14 scans
+    "invalid_codes": 0.0,
     "zeros_percent": (24.3, 35.0),
     "mean_code": (11.6, 16.7),
     "std_code": (15.3, 18.0),
@@ -155,9 +177,9 @@ _OXFORD: dict[str, Span] = {
     "strongest_40_code": (66.0, 77.0),
     "strongest_100_code": (46.0, 59.0),
     "strongest_400_code": (20.0, 30.0),
-    "maxima_58_a_scan": (4440.0, 4845.0),
-    "peaks_80_a_scan": 400.0,
-    "spoke_rows_percent": (8.0, 36.0),
+    "maxima_58_per_scan": (4440.0, 4845.0),
+    "peaks_80_per_scan": 400.0,
+    "spoke_azimuths_percent": (8.0, 36.0),
 }
 
 _OXFORD_BY_RANGE = {
@@ -171,15 +193,15 @@ _OXFORD_BY_RANGE = {
 }
 """Mean, median, 90th and 99th percentile of the codes between two ranges [m], at one of the two places."""
 
-_CIR204: dict[str, Span] = {"noise_mean_power": 1.5, "code_max": 135.0, "unwritable_codes": 0.0}
-_CIR304_RT: dict[str, Span] = {"code_max": 160.0, "unwritable_codes": 0.0}
+_CIR204: dict[str, Span] = {"noise_mean_power": 1.5, "code_max": 135.0, "invalid_codes": 0.0}
+_CIR304_RT: dict[str, Span] = {"code_max": 160.0, "invalid_codes": 0.0}
 
 
 def _targets(values: dict[str, Span], source: str) -> dict[str, Target]:
     targets = {}
     for name, value in values.items():
         low, high = value if isinstance(value, tuple) else (value, value)
-        rule, tolerance = ("difference", 0.0) if name in _SPANS_ALONE else tolerance_of(name)
+        rule, tolerance = ("difference", 0.0) if name in _SPANS_ONLY else tolerance_of(name)
         targets[name] = Target(name=name, low=low, high=high, rule=rule, tolerance=tolerance, source=source)
     return targets
 
@@ -197,4 +219,4 @@ TARGETS: dict[str, dict[str, Target]] = {
     "cir204": _targets(_CIR204, MULRAN),
     "cir304_rt": _targets(_CIR304_RT, BOREAS),
 }
-"""Targets by sensor and figure; other sensors have none."""
+"""Targets by sensor and statistic; other sensors have none."""

@@ -1,29 +1,35 @@
-"""Scores a folder of scans: every statistic beside its target value and another folder's.
+"""Scores a folder of scans: each statistic beside its target value and the value of a reference folder.
 
-Targets and tolerances: `eval.fidelity.reference_values`. Run on the real scans behind them, the targets have to come
-out: that tests the score before it is applied to a simulator.
+Targets and tolerances are in eval/fidelity/reference_values.py. The real scans behind the targets pass them,
+which tests the score before it is applied to simulated scans.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from echoscape.eval.fidelity.dataset_statistics import Survey, survey
+from echoscape.eval.fidelity.dataset_statistics import DatasetStatistics, measure
 from echoscape.eval.fidelity.reference_values import TARGETS, Target, tolerance_of, widened
 from echoscape.sim.datasets.scan_folder import ScanFolder
 
 Progress = Callable[[str, int, int], None]
+"""Called with a stage (scans, reference), how much of it is done, and how much there is to do."""
 
-
-RIGHT, LOW, HIGH, UNKNOWN = "right", "low", "high", "unknown"
+PASS, LOW, HIGH, UNKNOWN = "pass", "low", "high", "unknown"
+"""Verdicts: within tolerance, below it, above it, and not determined by the folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
-    """A figure beside what it should be.
+class Score:
+    """One statistic with its verdicts.
 
-    verdict: `right`, `low`, `high`, `unknown` where the folder cannot tell, None without a target;
-    reference and reference_verdict: the same against another folder, None without one.
+    Attributes:
+        name: Name of the statistic.
+        value: Its value, NaN where the folder does not determine it.
+        target: Its target, None without one.
+        verdict: Verdict against the target, None without one.
+        reference: Value of the reference folder, None without one.
+        reference_verdict: Verdict against that value, None without one.
     """
 
     name: str
@@ -35,51 +41,78 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fidelity:
-    """A folder's statistics, those of a reference, and the rows that judge them."""
+class FidelityReport:
+    """The statistics of a folder and their scores.
 
-    data: Survey
-    reference: Survey | None
-    rows: tuple[Row, ...]
+    Attributes:
+        data: Statistics of the folder.
+        reference: Statistics of the reference folder, None without one.
+        scores: A score for each statistic.
+    """
 
-    def judged(self) -> tuple[int, int]:
-        """Return how many figures are right, and how many have a target."""
-        verdicts = [row.verdict for row in self.rows if row.verdict]
-        return verdicts.count(RIGHT), len(verdicts)
+    data: DatasetStatistics
+    reference: DatasetStatistics | None
+    scores: tuple[Score, ...]
+
+    @property
+    def passed(self) -> int:
+        """Number of statistics within tolerance."""
+        return sum(score.verdict == PASS for score in self.scores)
+
+    @property
+    def judged(self) -> int:
+        """Number of statistics with a target."""
+        return sum(score.verdict is not None for score in self.scores)
 
 
-def fidelity(
+def fidelity_report(
     data: ScanFolder, *, reference: ScanFolder | None = None, progress: Progress | None = None
-) -> Fidelity:
-    """Measure the scans in `data`, and those in `reference`, and judge the former.
+) -> FidelityReport:
+    """Measure a folder of scans and score it.
+
+    Args:
+        data: The folder.
+        reference: Another folder to compare with, None for none.
+        progress: Called with stage, done and total.
+
+    Returns:
+        Statistics and scores.
 
     Raises:
-        DatasetError: a scan cannot be read; the message names it.
+        DatasetError: A scan cannot be read; the message names it.
     """
-    found = survey(data, progress=progress)
-    other = survey(reference, progress=_staged(progress, "reference")) if reference else None
-    return Fidelity(data=found, reference=other, rows=rows_of(found, other))
+    found = measure(data, progress=progress)
+    other = measure(reference, progress=_renamed(progress, "reference")) if reference else None
+    return FidelityReport(data=found, reference=other, scores=scores_of(found, other))
 
 
-def _staged(progress: Progress | None, stage: str) -> Progress | None:
-    """Return `progress` under the name of a stage of its own."""
+def _renamed(progress: Progress | None, stage: str) -> Progress | None:
+    """Return a `progress` that reports every stage under the name `stage`."""
     return None if progress is None else lambda _, done, total: progress(stage, done, total)
 
 
-def rows_of(data: Survey, reference: Survey | None) -> tuple[Row, ...]:
-    """Return a row for each figure of `data`, judged by the targets of its sensor and by `reference`."""
+def scores_of(data: DatasetStatistics, reference: DatasetStatistics | None) -> tuple[Score, ...]:
+    """Score each statistic of a folder.
+
+    Args:
+        data: Statistics of the folder; its sensor decides the targets.
+        reference: Statistics of another folder, None for none.
+
+    Returns:
+        A score for each statistic.
+    """
     targets = TARGETS.get(data.sensor, {})
     return tuple(
-        _row(name, value, targets.get(name), None if reference is None else reference.figures[name])
-        for name, value in data.figures.items()
+        _score(name, value, targets.get(name), None if reference is None else reference.values[name])
+        for name, value in data.values.items()
     )
 
 
-def _row(name: str, value: float, target: Target | None, reference: float | None) -> Row:
+def _score(name: str, value: float, target: Target | None, reference: float | None) -> Score:
     compared = None
     if reference is not None and math.isfinite(reference):
         compared = verdict(value, widened(reference, *tolerance_of(name)))
-    return Row(
+    return Score(
         name=name,
         value=value,
         target=target,
@@ -90,17 +123,32 @@ def _row(name: str, value: float, target: Target | None, reference: float | None
 
 
 def verdict(value: float, limits: tuple[float, float]) -> str:
-    """Return whether `value` is `right`, within limits or on them, `low`, `high`, or `unknown` if NaN."""
+    """Compare a value with its limits.
+
+    Args:
+        value: The value.
+        limits: The smallest and the largest value that pass.
+
+    Returns:
+        "pass" within the limits or on them, "low", "high", or "unknown" for NaN.
+    """
     if math.isnan(value):
         return UNKNOWN
     slack = 1e-9 * max(abs(limits[0]), abs(limits[1]))
     if value < limits[0] - slack:
         return LOW
-    return HIGH if value > limits[1] + slack else RIGHT
+    return HIGH if value > limits[1] + slack else PASS
 
 
 def span_text(target: Target | None) -> str:
-    """Return a target's value or span in words, nothing without one."""
+    """Write the value or the span of a target.
+
+    Args:
+        target: The target.
+
+    Returns:
+        The text, empty without a target.
+    """
     if target is None:
         return ""
     low, high = number_text(target.low), number_text(target.high)
@@ -108,7 +156,14 @@ def span_text(target: Target | None) -> str:
 
 
 def tolerance_text(target: Target | None) -> str:
-    """Return a target's tolerance in words, nothing without one."""
+    """Write the tolerance of a target.
+
+    Args:
+        target: The target.
+
+    Returns:
+        The text, empty without a target or a tolerance.
+    """
     if target is None or (target.rule == "difference" and target.tolerance == 0):
         return ""
     if target.rule == "share":
@@ -117,7 +172,14 @@ def tolerance_text(target: Target | None) -> str:
 
 
 def number_text(value: float | None) -> str:
-    """Return a number with three to four digits, a dash where there is none."""
+    """Write a number with three or four digits.
+
+    Args:
+        value: The number.
+
+    Returns:
+        The text, a dash for None and NaN.
+    """
     if value is None or not math.isfinite(value):
         return "-"
     if abs(value) >= 100 or value == int(value):

@@ -1,4 +1,4 @@
-"""A town seen from straight above, drawn from its scene.glb: what faces up, the highest last."""
+"""A plan of a town, drawn from its scene.glb: faces that look up, the highest ones last."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,24 +11,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from echoscape.eval.figures.style import GROUND_COLOUR, MATERIAL_COLOURS, OTHER_COLOUR
 from echoscape.sim.datasets.files.atomic_write import DatasetError
-
-GROUND_COLOUR = "#1b2420"
-COLOURS = {
-    "asphalt": "#343a44",
-    "paving": "#566070",
-    "soil": "#27352c",
-    "foliage": "#3f7d4c",
-    "brick": "#b07a62",
-    "concrete": "#a39c93",
-    "plasterboard": "#cfc8ba",
-    "wood": "#8f7a5f",
-    "glass": "#7fa3b5",
-    "metal": "#8d98a8",
-    "rubber": "#22252b",
-    "person": "#e0b090",
-}
-"""Colours by material, to be looked at on a dark page."""
 
 _LIGHT = np.array([-0.5, 0.5, 0.7]) / np.linalg.norm([-0.5, 0.5, 0.7])
 _FLATTEST = 0.25
@@ -41,16 +25,37 @@ Window = tuple[float, float, float, float]
 """x0, y0, x1, y1 [m] in the world."""
 
 
-def plan_picture(
+def drive_window(path: NDArray[np.float64]) -> Window:
+    """Return the square around a drive, with a margin.
+
+    Args:
+        path: Poses (P, 2 or more) of the car: x, y [m].
+
+    Returns:
+        A window at least 260 m wide.
+    """
+    low, high = path[:, :2].min(axis=0), path[:, :2].max(axis=0)
+    (x, y), half = ((low + high) / 2).tolist(), max(130.0, float((high - low).max()) / 2 + 40.0)
+    return x - half, y - half, x + half, y + half
+
+
+def plan_image(
     scene_file: Path, window: Window, *, pixels: int, all_faces: bool = False
 ) -> NDArray[np.float32]:
-    """Return what lies within `window` as a picture (rows, pixels, 3) in 0..1, north up; rows as it is high.
+    """Draw the part of a town that lies within a window.
 
-    With `all_faces` those that face down are drawn as well, and upright ones as lines: for meshes whose sides
-    nobody has turned outwards.
+    Args:
+        scene_file: The town, scene.glb of a data set.
+        window: The part to draw.
+        pixels: Width of the image.
+        all_faces: Whether to draw faces that look down as well, and upright ones as lines: for user meshes,
+            whose faces may be turned either way.
+
+    Returns:
+        Colours (height, pixels, 3) from 0 to 1, north up.
 
     Raises:
-        DatasetError: the scene file is absent or no scene; the message names it.
+        DatasetError: The scene file is absent or no scene; the message names it.
     """
     triangles, colours, upright = _visible(_scene(scene_file), window, all_faces=all_faces)
     order = np.argsort(triangles[:, :, 2].mean(axis=1), kind="stable")
@@ -60,7 +65,7 @@ def plan_picture(
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
     axes.set(xlim=(window[0], window[2]), ylim=(window[1], window[3]))
-    # Smoothed edges of neighbouring triangles leave seams: shrink the picture instead.
+    # Antialiased edges of neighbouring triangles leave seams: shrink a larger image instead.
     axes.add_collection(
         PolyCollection(
             list(triangles[order, :, :2]),
@@ -87,7 +92,7 @@ def _scene(scene_file: Path) -> trimesh.Scene:
 def _visible(
     scene: trimesh.Scene, window: Window, *, all_faces: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return triangles (T, 3, 3) [m] to draw in the window, their lit colours (T, 3), which are upright."""
+    """Return the triangles (T, 3, 3) [m] to draw, their shaded colours (T, 3), and which are upright (T,)."""
     triangles, colours, upright = [np.empty((0, 3, 3))], [np.empty((0, 3))], [np.empty(0, np.bool_)]
     for material, corners in _parts(scene, window):
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -102,14 +107,14 @@ def _visible(
         light = 0.35 + 0.85 * np.clip(normal[kept] @ _LIGHT / length[kept], 0, None)
         height = 0.92 + 0.012 * np.clip(corners[kept, :, 2].mean(axis=1), 0, 12)
         triangles.append(corners[kept])
-        shade = np.array(to_rgb(COLOURS.get(material, "#888888")))
+        shade = np.array(to_rgb(MATERIAL_COLOURS.get(material, OTHER_COLOUR)))
         colours.append(np.clip(shade * (light * height)[:, None], 0, 1))
         upright.append(~up[kept])
     return np.concatenate(triangles), np.concatenate(colours), np.concatenate(upright)
 
 
 def _parts(scene: trimesh.Scene, window: Window) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Yield material and triangles (T, 3, 3) in the world, z up, of every part that may be in the window."""
+    """Yield material and triangles (T, 3, 3) [m] in the world of every part that may be in the window."""
     for node in scene.graph.nodes_geometry:
         matrix, geometry = scene.graph[node]
         matrix, name = _Z_UP @ matrix, str(geometry)
@@ -122,4 +127,4 @@ def _parts(scene: trimesh.Scene, window: Window) -> Iterator[tuple[str, NDArray[
 
 
 _Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-"""From glTF's axes, which have y up, to the world's."""
+"""From the axes of glTF (y up) to those of the world (z up)."""

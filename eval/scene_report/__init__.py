@@ -1,1 +1,1 @@
-"""What a scene holds: plan, counts, statistics."""
+"""What a scene holds: its plan and its counts."""

@@ -1,6 +1,6 @@
-"""What a scene is made of, in numbers: triangles, objects by class, area by material, size.
+"""Counts of a scene: triangles, objects by class, area by material, size.
 
-*Stored* triangles are those of every mesh once; *placed* counts a prototype as often as it stands somewhere.
+*Stored* triangles count every mesh once; *placed* triangles count a prototype once for each placement.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,12 @@ from echoscape.scenes.core.scene import CLASSES, Mesh, Scene
 
 @dataclass(frozen=True, kw_only=True)
 class ClassCount:
-    """Objects of one class and the triangles that they are placed with."""
+    """Counts of one class.
+
+    Attributes:
+        objects: Number of objects.
+        triangles: Triangles that they are placed with.
+    """
 
     objects: int
     triangles: int
@@ -22,7 +27,12 @@ class ClassCount:
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialCount:
-    """Triangles of one material as placed, and their area [m^2]."""
+    """Counts of one material.
+
+    Attributes:
+        triangles: Triangles as placed.
+        area_m2: Their area [m^2].
+    """
 
     triangles: int
     area_m2: float
@@ -30,7 +40,16 @@ class MaterialCount:
 
 @dataclass(frozen=True, kw_only=True)
 class Inventory:
-    """The numbers of a scene: classes and materials by name, low_m and high_m the corners of its box."""
+    """Counts of a scene.
+
+    Attributes:
+        triangles_stored: Triangles of all meshes, each counted once.
+        triangles_placed: Triangles as placed.
+        classes: Counts by class.
+        materials: Counts by material.
+        low_m: Lowest coordinates of the scene's bounding box [m].
+        high_m: Highest coordinates of the scene's bounding box [m].
+    """
 
     triangles_stored: int
     triangles_placed: int
@@ -42,7 +61,7 @@ class Inventory:
 
 @dataclass(frozen=True, kw_only=True)
 class _Piece:
-    """A mesh of one material as it is placed: areas (F,) [m^2], instance (F,), its box (2, 3) [m]."""
+    """A placed mesh of one material: areas (F,) [m^2], instances (F,), bounding box (2, 3) [m]."""
 
     material: str
     area: NDArray[np.float64]
@@ -51,7 +70,14 @@ class _Piece:
 
 
 def inventory(town: Scene) -> Inventory:
-    """Count what stands in `town`."""
+    """Count triangles, objects and areas of a scene.
+
+    Args:
+        town: The scene.
+
+    Returns:
+        Its counts.
+    """
     triangles = np.zeros(len(town.instance_class), np.int64)
     materials: dict[str, MaterialCount] = {}
     boxes = [np.full((2, 3), np.nan)]
@@ -87,14 +113,14 @@ def _classes(town: Scene, triangles: NDArray[np.int64]) -> dict[str, ClassCount]
 
 
 def _stored(town: Scene) -> int:
-    """Return the triangles of all meshes, prototypes that stand somewhere once."""
+    """Return the triangles of all meshes, each prototype that is placed counted once."""
     used = np.unique(town.placements.prototype).tolist()
     parts = [mesh for row in used for mesh in town.prototypes[row].parts.values()]
     return sum(len(mesh.faces) for mesh in [*town.static.values(), *parts])
 
 
 def _pieces(town: Scene) -> Iterator[_Piece]:
-    """Yield every mesh of every material wherever it is placed."""
+    """Yield every mesh of every material at each of its placements."""
     for material, mesh in town.static.items():
         if len(mesh.faces):
             yield _Piece(

@@ -1,1 +1,1 @@
-"""A self-contained page to step through a data set."""
+"""A page that steps through a data set in the browser."""

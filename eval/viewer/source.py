@@ -1,6 +1,6 @@
-"""A folder of scans as the viewer reads it: real or simulated, with truth or without.
+"""A folder of scans as the viewer reads it: real or simulated, with ground truth or without.
 
-The one place that knows which reader opens it; poses are those of the truth, else what the folder tells.
+Poses are those of the ground truth, else those that the folder reports.
 """
 
 import math
@@ -26,17 +26,22 @@ Motion = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """A folder of scans with what its numbers mean.
+    """A folder of scans with its metadata and poses.
 
-    manifest: echoscape.json or None; stamps_us: names of the scans [us]; poses (N, 4): of the car at
-    mid-scan, NaN where unknown; absolute: whether their world has its north upwards.
+    Attributes:
+        scans: The folder.
+        manifest: Content of echoscape.json, None for real scans.
+        stamps_us: Times (N,) that name the scans' files [us].
+        poses: Poses (N, 4) of the car at mid-scan in the world: x, y, z [m], yaw [rad]; NaN where unknown.
+        north_up: Whether the y axis of that world is north.
+        has_truth: Whether the folder has ground truth.
     """
 
     scans: ScanFolder
     manifest: dict[str, Any] | None
     stamps_us: list[int]
     poses: NDArray[np.float64]
-    absolute: bool
+    north_up: bool
     has_truth: bool
 
     @property
@@ -44,8 +49,8 @@ class Source:
         """What was simulated, else the folder's name."""
         if self.manifest is None:
             return self.scans.folder.resolve().name
-        recipe = self.manifest["recipe"]
-        return f"{world_of(self.manifest)}, seed {recipe['seed']}"
+        config = self.manifest["config"]
+        return f"{world_of(self.manifest)}, seed {config['seed']}"
 
     @property
     def classes(self) -> list[str]:
@@ -59,17 +64,47 @@ class Source:
             list(self.manifest["components"]) if self.manifest else [each.name.lower() for each in Component]
         )
 
+    @property
+    def motion_distortion(self) -> float:
+        """Share of a revolution's time over which azimuths were simulated, 1 for real scans."""
+        artefacts = self.manifest["config"].get("artefacts", {}) if self.manifest else {}
+        return float(artefacts.get("motion_distortion", 1.0))
+
     def truth(self, index: int) -> ScanTruth | None:
-        """Return the truth of a scan, None where the folder has none; for errors see `read_truth`."""
+        """Read the ground truth of a scan.
+
+        Args:
+            index: Number of the scan, from 0.
+
+        Returns:
+            The truth, None where the folder has none.
+
+        Raises:
+            DatasetError: A file is absent or damaged; the message names it.
+        """
         return self.scans.truth(index) if self.has_truth else None
 
     def pose(self, index: int) -> Pose | None:
-        """Return where the car was, to a centimetre, None where that is unknown."""
+        """Return the pose of the car at mid-scan, rounded to a centimetre.
+
+        Args:
+            index: Number of the scan, from 0.
+
+        Returns:
+            The pose, None where it is unknown.
+        """
         x, y, _, yaw = self.poses[index].tolist()
         return None if math.isnan(x + y + yaw) else (round(x, 2), round(y, 2), round(yaw, 4))
 
     def motion(self, index: int) -> Motion | None:
-        """Return the motion from the scan before, None for the first and where poses are unknown."""
+        """Return the motion of the car since the scan before.
+
+        Args:
+            index: Number of the scan, from 0.
+
+        Returns:
+            The motion, None for the first scan and where a pose is unknown.
+        """
         if index == 0 or np.isnan(self.poses[index - 1 : index + 1]).any():
             return None
         motion = relative_from_world(self.poses[index - 1], self.poses[index])
@@ -77,10 +112,16 @@ class Source:
 
 
 def open_source(folder: Path) -> Source:
-    """Return what stands in `folder`, its scans unread.
+    """Open a folder of scans without reading them.
+
+    Args:
+        folder: The folder, simulated or real.
+
+    Returns:
+        The folder with its metadata and poses.
 
     Raises:
-        DatasetError: it is no folder of scans, has none, or a file of it is damaged; the message names it.
+        DatasetError: The folder has no scans, or a file of it is damaged; the message names it.
     """
     scans = open_folder(folder)
     has_truth = scans.simulated and (folder / "truth").is_dir()
@@ -88,8 +129,8 @@ def open_source(folder: Path) -> Source:
         scans=scans,
         manifest=read_manifest(folder) if scans.simulated else None,
         stamps_us=scans.timestamps_us.tolist(),
-        poses=_true_poses(scans) if has_truth else _told_poses(scans),
-        absolute=has_truth or scans.layout.name != "oxford",
+        poses=_true_poses(scans) if has_truth else _reported_poses(scans),
+        north_up=has_truth or scans.layout.name != "oxford",
         has_truth=has_truth,
     )
 
@@ -99,13 +140,13 @@ def _true_poses(scans: ScanFolder) -> NDArray[np.float64]:
     return np.array([read_arrays(path, ("middle_pose",))["middle_pose"] for path in paths])
 
 
-def _told_poses(scans: ScanFolder) -> NDArray[np.float64]:
-    """Return the folder's poses; a world that is only the first scan's is turned so that it looks along y."""
+def _reported_poses(scans: ScanFolder) -> NDArray[np.float64]:
+    """Return the folder's own poses (N, 4); those relative to the first scan are rotated to start along y."""
     poses = scans.poses()
     if poses is None:
         return np.full((len(scans), 4), np.nan)
     if scans.layout.name != "oxford":
         return poses
-    turned = poses[:, [1, 0, 2, 3]] * (-1, 1, 1, 1)
-    turned[:, 3] += math.pi / 2
-    return turned
+    rotated = poses[:, [1, 0, 2, 3]] * (-1, 1, 1, 1)
+    rotated[:, 3] += math.pi / 2
+    return rotated

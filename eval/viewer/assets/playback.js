@@ -1,26 +1,26 @@
 // Going from scan to scan.
 
-let turn = 0; // of two scans that are unpacked at once, only the one asked for last is shown
+let request = 0; // of two scans that are decoded at the same time, only the later request is shown
 
 async function go(index) {
-  const mine = ++turn, target = Math.min(last, Math.max(0, index));
-  const content = await unpack(target);
-  if (mine !== turn) return;
+  const mine = ++request, target = Math.min(last, Math.max(0, index));
+  const content = await decode(target);
+  if (mine !== request) return;
   state.scan = target;
   shown = content;
   draw();
-  if (target < last) unpack(target + 1);
+  if (target < last) decode(target + 1);
 }
 
 function draw() {
-  if (!shown || !$("stage").clientWidth) return; // without a size: drawn when it gets one
+  if (!shown || !$("stage").clientWidth) return; // without a size: drawn when it has one
   paint();
   drawMarks();
   drawNow();
-  facts();
-  moverRows();
-  heatUp(state.hot);
-  probe();
+  drawFacts();
+  drawMovers();
+  highlight(state.hovered);
+  drawReadout();
   $("slider").value = state.scan;
   $("slider").setAttribute("aria-valuetext", `scan ${state.scan + 1} of ${scans.length}`);
   $("place").textContent = `${String(state.scan + 1).padStart(String(scans.length).length, " ")} / ${scans.length}`;

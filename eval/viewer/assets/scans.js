@@ -1,7 +1,6 @@
-// Scans, unpacked when first shown. They stay polar, (azimuths, columns), so that every drawn pixel leads
-// back to its cell.
+// Scans, decoded when first shown. They stay polar, (azimuths, columns), so that every pixel has its cell.
 
-const unpacked = new Map();
+const decoded = new Map();
 const KEPT = 24;
 
 function bytes(base64) {
@@ -21,10 +20,10 @@ async function pixels(base64) {
   return context.getImageData(0, 0, image.width, image.height).data;
 }
 
-async function unpack(index) {
-  if (!unpacked.has(index)) {
-    if (unpacked.size >= KEPT) unpacked.delete(unpacked.keys().next().value);
-    unpacked.set(index, (async () => {
+async function decode(index) {
+  if (!decoded.has(index)) {
+    if (decoded.size >= KEPT) decoded.delete(decoded.keys().next().value);
+    decoded.set(index, (async () => {
       const { codes, labels } = scans[index];
       const [grey, truth] = await Promise.all([pixels(codes), labels ? pixels(labels) : null]);
       const levels = new Uint8Array(azimuths * columns);
@@ -32,5 +31,5 @@ async function unpack(index) {
       return { codes: levels, truth };
     })());
   }
-  return unpacked.get(index);
+  return decoded.get(index);
 }

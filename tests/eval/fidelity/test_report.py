@@ -1,4 +1,4 @@
-"""The yardstick gives real scans their published figures, and judges by the rules that it states."""
+"""The score gives real scans their published values, and judges by the rules that it states."""
 
 import json
 import math
@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 
 from echoscape.cli.__main__ import main
-from echoscape.eval.fidelity.dataset_statistics import Survey, survey
+from echoscape.eval.fidelity.dataset_statistics import DatasetStatistics, measure
 from echoscape.eval.fidelity.reference_values import TARGETS, Target, tolerance_of, widened
 from echoscape.eval.fidelity.report import json_text, markdown
-from echoscape.eval.fidelity.score import Fidelity, fidelity, number_text, rows_of, verdict
+from echoscape.eval.fidelity.score import FidelityReport, fidelity_report, number_text, scores_of, verdict
 from echoscape.sim.datasets.files.navtech_png import write_png
 from echoscape.sim.datasets.layouts.oxford import write_timestamps
 from echoscape.sim.datasets.polar_scan import PolarScan
@@ -32,10 +32,10 @@ OF_OTHER_STREETS = {
 
 
 @pytest.fixture(scope="module")
-def pair() -> Fidelity:
+def pair() -> FidelityReport:
     if not (REAL / "oxford-pair").is_dir():
         pytest.skip("needs the real scans")
-    return fidelity(open_folder(REAL / "oxford-pair"))
+    return fidelity_report(open_folder(REAL / "oxford-pair"))
 
 
 @pytest.fixture(scope="module")
@@ -64,8 +64,8 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # ---------------------------------------------------------------------- real scans
 
 
-def test_real_pair_has_the_published_figures(pair: Fidelity) -> None:
-    off = {row.name for row in pair.rows if row.target and row.verdict != "right"}
+def test_real_pair_has_the_published_values(pair: FidelityReport) -> None:
+    off = {score.name for score in pair.scores if score.target and score.verdict != "pass"}
     assert off == OF_OTHER_STREETS
 
 
@@ -79,22 +79,24 @@ def test_real_pair_has_the_published_figures(pair: Fidelity) -> None:
         ("azimuth_width_3_db_deg", 0.03),
         ("azimuth_width_20_db_deg", 0.02),
         ("exceedance_6_db_percent", 0.02),
-        ("maxima_58_a_scan", 0.02),
+        ("maxima_58_per_scan", 0.02),
     ],
 )
-def test_real_pair_meets_what_hardly_depends_on_the_street(pair: Fidelity, name: str, share: float) -> None:
+def test_real_pair_meets_what_hardly_depends_on_the_street(
+    pair: FidelityReport, name: str, share: float
+) -> None:
     target = TARGETS["cts350x"][name]
-    found = pair.data.figures[name]
+    found = pair.data.values[name]
     assert target.low * (1 - share) <= found <= target.high * (1 + share)
 
 
 def test_real_scans_of_the_other_radar_have_their_noise_and_peak() -> None:
     if not (REAL / "mulran").is_dir():
         pytest.skip("needs the real scans")
-    found = survey(open_folder(REAL / "mulran"))
-    assert found.figures["noise_mean_power"] == pytest.approx(1.5, abs=0.1)
-    assert found.figures["code_max"] == 135
-    assert all(row.verdict == "right" for row in rows_of(found, None) if row.target)
+    found = measure(open_folder(REAL / "mulran"))
+    assert found.values["noise_mean_power"] == pytest.approx(1.5, abs=0.1)
+    assert found.values["code_max"] == 135
+    assert all(score.verdict == "pass" for score in scores_of(found, None) if score.target)
 
 
 # ---------------------------------------------------------------------- verdicts
@@ -105,7 +107,7 @@ def _target(low: float, high: float, rule: str, tolerance: float) -> Target:
 
 
 @pytest.mark.parametrize(
-    ("target", "right", "low", "high"),
+    ("target", "passing", "low", "high"),
     [
         (_target(10, 10, "share", 0.15), (8.5, 11.5), 8.4, 11.6),
         (_target(10, 10, "factor", 1.5), (10 / 1.5, 15.0), 6.6, 15.1),
@@ -115,10 +117,10 @@ def _target(low: float, high: float, rule: str, tolerance: float) -> Target:
         (_target(-34, -34, "share", 0.10), (-37.4, -30.6), -37.5, -30.5),
     ],
 )
-def test_within_the_span_or_its_tolerance_is_right(
-    target: Target, right: tuple[float, ...], low: float, high: float
+def test_within_the_span_or_its_tolerance_passes(
+    target: Target, passing: tuple[float, ...], low: float, high: float
 ) -> None:
-    assert {verdict(value, target.limits) for value in right} == {"right"}
+    assert {verdict(value, target.limits) for value in passing} == {"pass"}
     assert verdict(low, target.limits) == "low"
     assert verdict(high, target.limits) == "high"
     assert verdict(math.nan, target.limits) == "unknown"
@@ -132,52 +134,54 @@ def test_stated_tolerances_are_those_in_force() -> None:
     assert tolerance_of("exceedance_20_db_percent") == ("factor", 1.5)
     assert tolerance_of("mean_code_20_30_m") == ("share", 0.25)
     assert tolerance_of("strongest_12_code") == ("difference", 6.0)
-    assert tolerance_of("peaks_80_a_scan") == ("factor", 1.5)
-    assert TARGETS["cts350x"]["spoke_rows_percent"].limits == (8.0, 36.0)
+    assert tolerance_of("peaks_80_per_scan") == ("factor", 1.5)
+    assert TARGETS["cts350x"]["spoke_azimuths_percent"].limits == (8.0, 36.0)
     assert widened(0.0, "factor", 1.5) == (0.0, 0.0)
 
 
-def test_every_target_is_a_figure_and_every_figure_has_a_tolerance(tiny: Path) -> None:
-    figures = survey(open_folder(tiny)).figures
+def test_every_target_is_a_statistic_and_every_statistic_has_a_tolerance(tiny: Path) -> None:
+    values = measure(open_folder(tiny)).values
     for targets in TARGETS.values():
-        assert set(targets) <= set(figures)
-    assert all(tolerance_of(name) for name in figures)
+        assert set(targets) <= set(values)
+    assert all(tolerance_of(name) for name in values)
 
 
 # ---------------------------------------------------------------------- a folder
 
 
 @pytest.fixture(scope="module")
-def found(tiny: Path) -> Survey:
-    return survey(open_folder(tiny))
+def found(tiny: Path) -> DatasetStatistics:
+    return measure(open_folder(tiny))
 
 
-def test_survey_finds_what_was_planted(found: Survey) -> None:
+def test_measurement_finds_what_was_planted(found: DatasetStatistics) -> None:
     assert found.scans == 2
     assert found.histogram.sum() == 2 * 400 * 3768
-    assert found.figures["isolated_peaks_a_scan"] == 10 * 11
-    assert found.figures["noise_correlation_lag_1"] == pytest.approx(0.0, abs=0.02)
-    assert found.figures["noise_correlation_scans"] == pytest.approx(0.0, abs=0.05)
-    assert found.figures["spoke_rows_percent"] == 0
-    assert found.figures["range_width_6_db_bins"] < 1.1
-    assert found.figures["azimuth_width_6_db_deg"] < 1.0
+    assert found.values["isolated_peaks_per_scan"] == 10 * 11
+    assert found.values["noise_correlation_lag_1"] == pytest.approx(0.0, abs=0.02)
+    assert found.values["noise_correlation_scans"] == pytest.approx(0.0, abs=0.05)
+    assert found.values["spoke_azimuths_percent"] == 0
+    assert found.values["range_width_6_db_bins"] < 1.1
+    assert found.values["azimuth_width_6_db_deg"] < 1.0
 
 
-def test_folder_is_right_against_itself(found: Survey) -> None:
-    rows = rows_of(found, found)
-    assert all(row.reference_verdict == "right" for row in rows if not math.isnan(row.value))
-    assert any(row.verdict == "low" for row in rows)
-    other = replace(found, figures={**found.figures, "mean_code": 2 * found.figures["mean_code"]})
-    assert [row.name for row in rows_of(found, other) if row.reference_verdict == "low"] == ["mean_code"]
+def test_folder_passes_against_itself(found: DatasetStatistics) -> None:
+    scores = scores_of(found, found)
+    assert all(score.reference_verdict == "pass" for score in scores if not math.isnan(score.value))
+    assert any(score.verdict == "low" for score in scores)
+    other = replace(found, values={**found.values, "mean_code": 2 * found.values["mean_code"]})
+    assert [score.name for score in scores_of(found, other) if score.reference_verdict == "low"] == [
+        "mean_code"
+    ]
 
 
-def test_sensor_without_targets_is_measured_without_verdicts(found: Survey) -> None:
-    rows = rows_of(replace(found, sensor="another"), None)
-    assert len(rows) == len(found.figures)
-    result = Fidelity(data=found, reference=None, rows=rows)
-    assert result.judged() == (0, 0)
-    assert "figures are right" not in markdown(result)
-    assert json.loads(json_text(result))["rows"][0]["verdict"] is None
+def test_sensor_without_targets_is_measured_without_verdicts(found: DatasetStatistics) -> None:
+    scores = scores_of(replace(found, sensor="another"), None)
+    assert len(scores) == len(found.values)
+    result = FidelityReport(data=found, reference=None, scores=scores)
+    assert (result.passed, result.judged) == (0, 0)
+    assert "statistics pass" not in markdown(result)
+    assert json.loads(json_text(result))["scores"][0]["verdict"] is None
 
 
 def test_numbers_are_short() -> None:
@@ -204,8 +208,8 @@ def test_command_writes_table_numbers_and_plots(
     with Image.open(out / "fidelity.png") as picture:
         assert picture.size == (1800, 1520)
     told = capsys.readouterr().out
-    assert "spoke rows percent" in told
-    assert f"of {content['judged']} figures are right" in told
+    assert "spoke azimuths percent" in told
+    assert f"of {content['judged']} statistics pass" in told
 
 
 @pytest.mark.parametrize(

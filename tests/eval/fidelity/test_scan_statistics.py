@@ -38,13 +38,13 @@ def test_exponential_noise_has_the_shares_that_its_law_gives() -> None:
         assert share[code] == pytest.approx(probability, abs=5 * math.sqrt(probability / codes.size))
 
 
-def test_noise_mean_follows_from_silent_cells() -> None:
+def test_noise_mean_follows_from_cells_of_code_zero() -> None:
     codes = _noise(np.random.default_rng(2), 1.6, (400, BINS))
     assert stats.noise_mean(float((codes == 0).mean())) == pytest.approx(1.6, rel=0.01)
     assert math.isnan(stats.noise_mean(1.0))
 
 
-def test_noise_region_is_the_quiet_tenth_of_the_rows_in_the_last_quarter() -> None:
+def test_noise_region_is_the_quiet_tenth_of_the_azimuths_in_the_last_quarter() -> None:
     codes = _noise(np.random.default_rng(3), 20.0, (400, BINS))
     codes[100:140] = _noise(np.random.default_rng(4), 1.6, (40, BINS))
     quiet, far = stats.noise_region(codes, RANGE_M)
@@ -64,21 +64,21 @@ def test_autocorrelation_of_smoothed_noise_is_that_of_its_window() -> None:
     np.testing.assert_allclose(found, expected, atol=0.02)
 
 
-def test_rows_and_scans_of_noise_correlate_as_much_as_they_share() -> None:
+def test_azimuths_and_scans_of_noise_correlate_as_much_as_they_share() -> None:
     rng = np.random.default_rng(6)
     shared = rng.exponential(1.0, (1, 5000))
     power = shared + rng.exponential(1.0, (6, 5000))  # equal variances: coefficient 1/2
     quiet = np.array([True, True, True, False, True, True])
-    assert stats.row_correlation(power, quiet) == pytest.approx(0.5, abs=0.05)
-    assert stats.row_correlation(rng.exponential(1.0, (6, 5000)), quiet) == pytest.approx(0.0, abs=0.05)
-    assert math.isnan(stats.row_correlation(power, np.array([True, False] * 3)))
+    assert stats.azimuth_correlation(power, quiet) == pytest.approx(0.5, abs=0.05)
+    assert stats.azimuth_correlation(rng.exponential(1.0, (6, 5000)), quiet) == pytest.approx(0.0, abs=0.05)
+    assert math.isnan(stats.azimuth_correlation(power, np.array([True, False] * 3)))
 
 
 # ---------------------------------------------------------------------- levels
 
 
 @given(st.lists(st.integers(0, 254), min_size=1, max_size=200), st.sampled_from([0.1, 0.5, 0.9]))
-def test_histogram_gives_the_figures_of_its_cells(cells: list[int], share: float) -> None:
+def test_histogram_gives_the_statistics_of_its_cells(cells: list[int], share: float) -> None:
     histogram = np.bincount(cells, minlength=256)
     mean, deviation = stats.moments(histogram)
     assert mean == pytest.approx(np.mean(cells))
@@ -93,7 +93,7 @@ def test_codes_stand_for_the_powers_that_make_them() -> None:
         stats.CODE_POWER[quantiser.codes(power)], power, rtol=0.13
     )  # half a step of 1 dB
     assert stats.CODE_POWER[0] == 0.5
-    assert np.flatnonzero(~stats.WRITABLE[:18]).tolist() == [1, 2, 3, 4, 5, 7, 8, 10, 11, 13, 16]
+    assert np.flatnonzero(~stats.VALID_CODES[:18]).tolist() == [1, 2, 3, 4, 5, 7, 8, 10, 11, 13, 16]
 
 
 def test_bands_hold_the_cells_of_their_ranges() -> None:
@@ -119,11 +119,11 @@ def test_ranks_are_those_beyond_the_leakage() -> None:
     assert [stats.quantile(counts, 0.5) for counts in ranks] == [90, 70, 0]
 
 
-def test_spokes_are_rows_whose_far_half_is_bright() -> None:
+def test_spokes_are_azimuths_whose_far_half_is_bright() -> None:
     codes = _dark(10)
     codes[2:5, 1300:] = 15
     codes[7, :1300] = 90
-    assert np.flatnonzero(stats.spoke_rows(stats.far_medians(codes, RANGE_M))).tolist() == [2, 3, 4]
+    assert np.flatnonzero(stats.spoke_azimuths(stats.far_medians(codes, RANGE_M))).tolist() == [2, 3, 4]
     assert np.isnan(stats.far_medians(codes[:, :100], RANGE_M[:100])).all()
 
 

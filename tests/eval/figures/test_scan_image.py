@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from echoscape.eval.figures.scan_image import scan_picture, write_scan_picture
+from echoscape.eval.figures.scan_image import scan_image, write_scan_image
 from echoscape.sim.datasets.layouts.oxford import write_png
 from tests.sim.scans import drawn_scan
 
@@ -21,7 +21,7 @@ def _point(row: int, range_m: float):
 
 @pytest.mark.parametrize(("row", "right", "up"), [(100, 1, 0), (200, 0, -1), (300, -1, 0)])
 def test_a_point_lies_where_its_row_looks(row: int, right: int, up: int) -> None:
-    picture = scan_picture(_point(row, 100.0), pixels=900)
+    picture = scan_image(_point(row, 100.0), pixels=900)
     # 2.25 pixels a metre: 900 of them for 400 m, and 162.8 m to both sides of the radar.
     assert picture.shape == (2 * round(162.7776 * 2.25), 900)
     v, u = np.nonzero(picture > 100)
@@ -36,14 +36,14 @@ def test_the_scale_bar_is_50_m_long(tmp_path: Path) -> None:
     folder.mkdir()
     scan = _point(100, 20.0)
     write_png(folder / f"{scan.timestamp_us[0]}.png", replace(scan, valid=np.ones(400, np.bool_)))
-    write_scan_picture(folder, tmp_path / "scan.png", pixels=800)
+    write_scan_image(folder, tmp_path / "scan.png", pixels=800)
     with Image.open(tmp_path / "scan.png") as image:
         assert image.mode == "L"
         picture = np.asarray(image)
     line = picture[round(picture.shape[0] * 0.98)]
     assert np.count_nonzero(line) == pytest.approx(100, abs=2)
     with pytest.raises(ValueError, match="scan must be between 0 and 0, got 1"):
-        write_scan_picture(folder, tmp_path / "no.png", scan=1)
+        write_scan_image(folder, tmp_path / "no.png", scan=1)
     with pytest.raises(ValueError, match="pixels must be 100 or more, got 10"):
-        write_scan_picture(folder, tmp_path / "no.png", pixels=10)
+        write_scan_image(folder, tmp_path / "no.png", pixels=10)
     assert not (tmp_path / "no.png").exists()

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from echoscape.eval.viewer.data import Shown, View, strongest_cells, view_of
+from echoscape.eval.viewer.data import View, ViewedScan, strongest_bins, view_of
 from echoscape.eval.viewer.html import page_bytes
 from echoscape.scenes.core.scene import CLASSES
 from echoscape.sim.datasets.files.atomic_write import DatasetError
@@ -49,7 +49,7 @@ def _embedded(page: bytes) -> dict:
 
 def test_strongest_cells_are_the_largest_codes_and_where_they_stand() -> None:
     codes = np.array([[1, 9, 2, 0, 0, 7, 5], [3, 3, 3, 8, 1, 1, 200]], np.uint8)
-    top, bins = strongest_cells(codes, 3)
+    top, bins = strongest_bins(codes, 3)
     np.testing.assert_array_equal(top, [[9, 7], [3, 8]])
     np.testing.assert_array_equal(bins, [[1, 5], [0, 3]])
 
@@ -81,8 +81,8 @@ def test_labels_are_the_truth_of_the_strongest_cell_exactly(tmp_path: Path) -> N
 
 def test_box_of_a_standing_drive_is_where_it_was_put(tmp_path: Path) -> None:
     (box,) = view_of(write_set(tmp_path / "set", scans=1)).scans[0].boxes
-    assert (box.forward, box.right) == pytest.approx((BOX_FORWARD_M, BOX_RIGHT_M), abs=0.01)
-    assert (box.turn, box.yaw) == pytest.approx((0.0, YAW), abs=0.001)
+    assert (box.forward_m, box.right_m) == pytest.approx((BOX_FORWARD_M, BOX_RIGHT_M), abs=0.01)
+    assert (box.heading_rad, box.yaw_rad) == pytest.approx((0.0, YAW), abs=0.001)
 
 
 def test_box_is_placed_for_the_row_that_met_it(tmp_path: Path) -> None:
@@ -104,8 +104,8 @@ def test_box_is_placed_for_the_row_that_met_it(tmp_path: Path) -> None:
     # Met some 0.06 s after mid-scan: the car has gone 16 times that, the box 8 times.
     late_s = times_s[300]
     assert late_s == pytest.approx(0.0625, abs=0.001)
-    assert (box.forward, box.right) == pytest.approx(((8 - 16) * late_s, -30.0), abs=0.05)
-    assert box.turn == pytest.approx(math.pi / 2, abs=0.001)  # it looks east, the car north
+    assert (box.forward_m, box.right_m) == pytest.approx(((8 - 16) * late_s, -30.0), abs=0.05)
+    assert box.heading_rad == pytest.approx(math.pi / 2, abs=0.001)  # it looks east, the car north
 
 
 def test_motion_speed_and_drive_are_those_of_the_poses(tmp_path: Path) -> None:
@@ -122,15 +122,15 @@ def test_without_truth_there_is_a_drive_that_begins_upwards_and_nothing_else(tmp
     view = view_of(write_set(tmp_path / "set", simulated=False))
     shown = view.scans[2]
     assert not view.has_truth
-    assert (shown.labels, shown.boxes, shown.first_m, shown.clipped, view.plan) == (None, [], [], [], None)
+    assert (shown.labels, shown.boxes, shown.obstacle_m, shown.clipped, view.plan) == (None, [], [], [], None)
     assert shown.pose == pytest.approx((0.0, 4.0, math.pi / 2), abs=1e-4)
-    assert shown.speed == pytest.approx(8.0)
+    assert shown.speed_m_s == pytest.approx(8.0)
 
 
 def test_row_marks_are_those_of_the_truth(tmp_path: Path) -> None:
     shown = view_of(write_set(tmp_path / "set", scans=1)).scans[0]
     assert shown.clipped == [0, 1, 2, 3, 4]
-    assert shown.first_m == [12.0] * 100 + [None] * 300
+    assert shown.obstacle_m == [12.0] * 100 + [None] * 300
 
 
 def test_every_and_scans_choose(tmp_path: Path) -> None:
@@ -198,4 +198,4 @@ def test_forty_scans_of_nothing_but_noise_can_be_mailed(tmp_path: Path) -> None:
 
 def test_shown_is_what_the_page_lists(tmp_path: Path) -> None:
     data = _embedded(page_bytes(view_of(write_set(tmp_path / "set", scans=1))))
-    assert set(data["scans"][0]) == set(Shown.__dataclass_fields__)
+    assert set(data["scans"][0]) == set(ViewedScan.__dataclass_fields__)

@@ -9,7 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from matplotlib.colors import to_rgb
 
+from echoscape.eval.figures.style import COMPONENT_COLOURS
 from echoscape.eval.viewer.data import view_of
 from echoscape.eval.viewer.html import page_bytes
 from tests.eval.viewer.chromium import NAMES, Chromium, chromium_path
@@ -35,7 +37,7 @@ BLOCK = (20.7, 0.0)
 """Right and forward [m] of the middle of the block of echoes."""
 DARK = [11, 14, 19]
 """The colour of code 0."""
-DIRECT = [0x59, 0xD0, 0xFF]
+DIRECT = [round(255 * part) for part in to_rgb(COMPONENT_COLOURS["direct"])]
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +74,7 @@ def _colour(page: Chromium, right_m: float, forward_m: float, reach_m: float = R
     """The colour that the canvas has where something stands, from above and heading up."""
     x, y = 0.5 + right_m / (2 * reach_m), 0.5 - forward_m / (2 * reach_m)
     return page.value(
-        "(() => { const picture = document.getElementById('picture'), side = picture.width; "
+        "(() => { const picture = document.getElementById('image'), side = picture.width; "
         "const pixel = new OffscreenCanvas(1, 1).getContext('2d', {willReadFrequently: true}); "
         f"pixel.drawImage(picture, Math.floor({x} * side), Math.floor({y} * side), 1, 1, 0, 0, 1, 1); "
         "return [...pixel.getImageData(0, 0, 1, 1).data].slice(0, 3); })()"
@@ -211,17 +213,17 @@ def test_hand_on_a_cell_or_a_box_reads_it(page: Chromium) -> None:
         "(b => [b.x, b.y, b.width])(document.getElementById('stage').getBoundingClientRect())"
     )
     page.point(left + side * (0.5 + BLOCK[0] / (2 * REACH_M)), top + side * 0.5)
-    page.wait_for("!document.getElementById('probe').textContent.startsWith('Point')")
-    words = _text(page, "probe").split(" · ")
+    page.wait_for("!document.getElementById('readout').textContent.startsWith('Point')")
+    words = _text(page, "readout").split(" · ")
     assert float(words[0].removesuffix(" m")) == pytest.approx(BLOCK[0], abs=0.15)
-    assert words[1].endswith("(row 100)")
+    assert words[1].endswith("(azimuth 100)")
     assert int(words[2].split()[1]) == pytest.approx(100, abs=4)
     assert words[3:] == ["direct", "car", "1 bounce", "moving"]
     page.press("b")
     x, y = _middle(page, f"#marks [data-instance='{BOX_INSTANCE}']")
     page.point(left + side * x, top + side * y)
-    page.wait_for("document.getElementById('probe').textContent.startsWith('car')")
-    assert _text(page, "probe").startswith(f"car {BOX_INSTANCE} · 0.0 km/h · 4.5 × 1.8 × 1.4 m")
+    page.wait_for("document.getElementById('readout').textContent.startsWith('car')")
+    assert _text(page, "readout").startswith(f"car {BOX_INSTANCE} · 0.0 km/h · 4.5 × 1.8 × 1.4 m")
 
 
 def test_mark_on_the_plan_drives_along(page: Chromium) -> None:
@@ -252,10 +254,10 @@ def test_click_on_the_drive_goes_there(page: Chromium) -> None:
 
 
 def test_row_marks_come_when_asked_for(page: Chromium) -> None:
-    assert page.value("document.querySelector('.free').getAttribute('d')") == ""
-    page.click_on("#free")
+    assert page.value("document.querySelector('.obstacles').getAttribute('d')") == ""
+    page.click_on("#obstacles")
     page.click_on("#clipped")
-    assert page.value("document.querySelector('.free').getAttribute('d').match(/[ML]/g).length") == 200
+    assert page.value("document.querySelector('.obstacles').getAttribute('d').match(/[ML]/g).length") == 200
     assert page.value("document.querySelector('.clip').getAttribute('d').match(/M/g).length") == 5
 
 
@@ -289,7 +291,7 @@ def test_folder_without_truth_is_shown_with_a_note(page: Chromium, tmp_path: Pat
     page.press("o")
     page.press("ArrowRight")
     _wait_for_scan(page, 1)
-    assert "no truth" in _text(page, "notes")
+    assert "no ground truth" in _text(page, "notes")
     assert page.value("document.querySelector('input[name=overlay]').matches(':disabled')")
     assert page.value("document.querySelector('input[name=overlay]:checked').value") == "off"
     assert page.value("document.querySelectorAll('[data-instance]').length") == 0

@@ -55,7 +55,7 @@ def made_scan(number: int) -> PolarScan:
         middle_pose=pose,
         middle_us=middle_us,
         saturated=np.arange(shape[0]) < 5,
-        first_m=np.where(np.arange(shape[0]) < 100, 12.0, np.inf).astype(np.float32),
+        first_obstacle_m=np.where(np.arange(shape[0]) < 100, 12.0, np.inf).astype(np.float32),
         boxes=MoverBoxes(
             instance=np.array([BOX_INSTANCE], np.uint32),
             class_id=np.array([CAR], np.uint8),

@@ -1,4 +1,4 @@
-// From a scan to pixels. Frames as in docs/conventions.md: azimuth clockwise from ahead, yaw in the world
+// The scan as an image. Frames as in docs/conventions.md: azimuth clockwise from ahead, yaw in the world
 // counter-clockwise from east.
 
 // ---- geometry
@@ -9,58 +9,58 @@ const scan = () => scans[state.scan];
 const heading = () =>
   state.up === "north" && state.view === "above" && scan().pose ? Math.PI / 2 - scan().pose[2] : 0;
 
-const wrap = (angle) => angle - TURN * Math.round(angle / TURN);
-const azimuthOf = (forward, right) => (Math.atan2(right, forward) + TURN) % TURN;
+const wrap = (angle) => angle - CIRCLE * Math.round(angle / CIRCLE);
+const azimuthOf = (forward, right) => (Math.atan2(right, forward) + CIRCLE) % CIRCLE;
 
-/** Screen place, in units of the stage's side, of a range and an azimuth (any turn of it). */
+/** Position on the screen, in units of the stage's side, of a range and an azimuth (of any revolution). */
 function onScreen(range, azimuth) {
-  if (state.view === "polar") return [range / state.reach, azimuth / TURN];
-  const angle = azimuth + heading(), radius = range / (2 * state.reach);
+  if (state.view === "polar") return [range / state.range, azimuth / CIRCLE];
+  const angle = azimuth + heading(), radius = range / (2 * state.range);
   return [0.5 + radius * Math.sin(angle), 0.5 - radius * Math.cos(angle)];
 }
 
-/** Range [m] and azimuth [rad] of a screen place in units of the stage's side. */
+/** Range [m] and azimuth [rad] of a position on the screen in units of the stage's side. */
 function fromScreen(x, y) {
-  if (state.view === "polar") return [x * state.reach, y * TURN];
-  const right = (x - 0.5) * 2 * state.reach, forward = (0.5 - y) * 2 * state.reach;
-  return [Math.hypot(right, forward), (azimuthOf(forward, right) - heading() + 2 * TURN) % TURN];
+  if (state.view === "polar") return [x * state.range, y * CIRCLE];
+  const right = (x - 0.5) * 2 * state.range, forward = (0.5 - y) * 2 * state.range;
+  return [Math.hypot(right, forward), (azimuthOf(forward, right) - heading() + 2 * CIRCLE) % CIRCLE];
 }
 
-const rowOf = (azimuth) => Math.round(azimuth / TURN * azimuths) % azimuths;
+const azimuthIndexOf = (azimuth) => Math.round(azimuth / CIRCLE * azimuths) % azimuths;
 
-/** For every pixel the fractional row (heading not yet taken off) and column of its middle. */
-let places = { key: "" };
-function pixelPlaces(side) {
-  const key = `${side} ${state.view} ${state.reach}`;
-  if (places.key === key) return places;
+/** Fractional azimuth index (before the heading is subtracted) and column of the centre of every pixel. */
+let pixelGrid = { key: "" };
+function gridOf(side) {
+  const key = `${side} ${state.view} ${state.range}`;
+  if (pixelGrid.key === key) return pixelGrid;
   const row = new Float32Array(side * side), column = new Float32Array(side * side);
   for (let j = 0, p = 0; j < side; j++) {
     for (let i = 0; i < side; i++, p++) {
       let range, azimuth;
       if (state.view === "polar") {
-        range = (i + 0.5) / side * state.reach;
-        azimuth = (j + 0.5) / side * TURN;
+        range = (i + 0.5) / side * state.range;
+        azimuth = (j + 0.5) / side * CIRCLE;
       } else {
-        const right = (i - (side - 1) / 2) * 2 * state.reach / side;
-        const forward = ((side - 1) / 2 - j) * 2 * state.reach / side;
+        const right = (i - (side - 1) / 2) * 2 * state.range / side;
+        const forward = ((side - 1) / 2 - j) * 2 * state.range / side;
         range = Math.hypot(right, forward);
         azimuth = azimuthOf(forward, right);
       }
-      row[p] = azimuth / TURN * azimuths;
-      column[p] = (range - offsetM) / cellM - 0.5;
+      row[p] = azimuth / CIRCLE * azimuths;
+      column[p] = (range - offsetM) / columnM - 0.5;
     }
   }
-  places = { key, row, column };
-  return places;
+  pixelGrid = { key, row, column };
+  return pixelGrid;
 }
 
-// ---- the picture
+// ---- the image
 
-let shown = null; // what is unpacked of the scan on the screen
+let shown = null; // the decoded scan on the screen
 
 function paint() {
-  const side = Math.min(LARGEST_BUFFER, Math.max(64, Math.round($("stage").clientWidth * devicePixelRatio)));
-  const canvas = $("picture");
+  const side = Math.min(MAX_PIXELS, Math.max(64, Math.round($("stage").clientWidth * devicePixelRatio)));
+  const canvas = $("image");
   if (canvas.width !== side) canvas.width = canvas.height = side;
   const context = canvas.getContext("2d");
   const image = context.createImageData(side, side);
@@ -68,18 +68,18 @@ function paint() {
   context.putImageData(image, 0, 0);
 }
 
-/** Colours of every code, for plain cells and by label for overlaid ones; little-endian ABGR words. */
+/** Colours of every code, without an overlay and by label with one; little-endian ABGR words. */
 function palette(overlay) {
   const word = ([r, g, b]) => (255 << 24 | Math.round(b) << 16 | Math.round(g) << 8 | Math.round(r)) >>> 0;
   const light = (code) => Math.min(1, code / state.white);
-  const plain = Uint32Array.from({ length: 256 }, (_, code) => word(heat[Math.round(255 * light(code))]));
+  const plain = Uint32Array.from({ length: 256 }, (_, code) => word(levelColours[Math.round(255 * light(code))]));
   if (!overlay) return { plain, tinted: null };
   const tinted = new Uint32Array(256 * overlay.colours.length);
   overlay.colours.forEach((colour, label) => {
     for (let code = 0; code < 256; code++) {
-      const level = Math.min(1, 0.2 + 0.9 * light(code)), under = heat[Math.round(255 * light(code))];
+      const level = Math.min(1, 0.2 + 0.9 * light(code)), under = levelColours[Math.round(255 * light(code))];
       const share = label === overlay.bare ? 0 : state.opacity;
-      const page = heat[0];
+      const page = levelColours[0];
       tinted[256 * label + code] = word(colour.map(
         (value, i) => (1 - share) * under[i] + share * (page[i] + (value - page[i]) * level)));
     }
@@ -87,17 +87,17 @@ function palette(overlay) {
   return { plain, tinted };
 }
 
-/** Fill `words` (side * side) with the scan: codes interpolated in azimuth and range, labels the nearest. */
+/** Fill `words` (side * side) with the scan: codes interpolated in azimuth and range, labels of the nearest cell. */
 function project(side, words) {
-  const { row, column } = pixelPlaces(side);
+  const { row, column } = gridOf(side);
   const overlay = shown.truth ? OVERLAYS[state.overlay] : null;
   const { plain, tinted } = palette(overlay);
   const { codes, truth } = shown;
-  const turned = (azimuths - heading() / TURN * azimuths % azimuths) % azimuths;
+  const rotated = (azimuths - heading() / CIRCLE * azimuths % azimuths) % azimuths;
   for (let p = 0; p < words.length; p++) {
     const c = column[p];
-    if (c > columns - 0.5) continue; // beyond the last cell: transparent
-    let r = row[p] + turned;
+    if (c > columns - 0.5) continue; // beyond the last range bin: transparent
+    let r = row[p] + rotated;
     if (r >= azimuths) r -= azimuths;
     const r0 = r | 0, u = r - r0, above = r0 % azimuths * columns, below = (r0 + 1) % azimuths * columns;
     const c0 = Math.max(0, c | 0), c1 = Math.min(columns - 1, c0 + 1), v = Math.max(0, c - c0);

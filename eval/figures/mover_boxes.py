@@ -1,0 +1,119 @@
+"""True boxes of moving objects at the time when the rotating beam passes each of them.
+
+The ground truth holds boxes at mid-scan. A scan shows each object where it is when its azimuth is swept,
+up to half a revolution earlier or later; in between it is extrapolated at constant velocity.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.sim.datasets.polar_scan import PolarScan, ScanTruth
+
+_ITERATIONS = 3
+"""Fixed-point iterations for the azimuth that meets an object; the beam sweeps some 50 times faster."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservedBox:
+    """The box of a moving object at the time when the beam passes it.
+
+    Attributes:
+        instance: Number of the object.
+        class_id: Number of its class.
+        forward_m: Position of its centre, ahead of the car as it is at that azimuth [m].
+        right_m: The same, to the right of the car [m].
+        heading_rad: Heading of the object relative to the car's, clockwise [rad].
+        x_m: Position of its centre in the world at mid-scan [m].
+        y_m: Position of its centre in the world at mid-scan [m].
+        yaw_rad: Heading in the world, counter-clockwise from the x axis [rad].
+        length_m: Length [m].
+        width_m: Width [m].
+        height_m: Height [m].
+        speed_m_s: Speed over ground [m/s].
+    """
+
+    instance: int
+    class_id: int
+    forward_m: float
+    right_m: float
+    heading_rad: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    length_m: float
+    width_m: float
+    height_m: float
+    speed_m_s: float
+
+    def corners_m(self) -> NDArray[np.float64]:
+        """Return the corners (4, 2) of the box on the scan: right of and ahead of the car [m]."""
+        half = np.array([(0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5)])
+        along, across = (half * [self.length_m, self.width_m]).T
+        cosine, sine = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        forward = self.forward_m + cosine * along - sine * across
+        right = self.right_m + sine * along + cosine * across
+        return np.stack([right, forward], axis=1)
+
+
+def observed_boxes(
+    scan: PolarScan, truth: ScanTruth, *, motion_distortion: float = 1.0
+) -> Iterator[ObservedBox]:
+    """Yield the moving objects near the radar where the scan shows them.
+
+    Args:
+        scan: The scan, which gives the time of each azimuth.
+        truth: Its ground truth.
+        motion_distortion: Share of the revolution's time over which the azimuths were simulated, as in
+            `sim.settings.artefacts.Artefacts`; 0 if all were simulated at mid-scan.
+
+    Yields:
+        One box for each object.
+    """
+    boxes = truth.boxes
+    for i in range(len(boxes.instance)):
+        centre, velocity, yaw = boxes.centre[i], boxes.velocity[i], float(boxes.yaw[i])
+        forward, right, heading = _observed(scan, truth, centre, velocity, motion_distortion)
+        length, width, height = (round(float(value), 2) for value in boxes.extent[i])
+        yield ObservedBox(
+            instance=int(boxes.instance[i]),
+            class_id=int(boxes.class_id[i]),
+            forward_m=round(forward, 2),
+            right_m=round(right, 2),
+            heading_rad=round(math.remainder(heading - yaw, 2 * math.pi), 3),
+            x_m=round(float(centre[0]), 2),
+            y_m=round(float(centre[1]), 2),
+            yaw_rad=round(yaw, 3),
+            length_m=length,
+            width_m=width,
+            height_m=height,
+            speed_m_s=round(float(np.hypot(velocity[0], velocity[1])), 2),
+        )
+
+
+def _observed(
+    scan: PolarScan, truth: ScanTruth, centre: NDArray, velocity: NDArray, share: float
+) -> tuple[float, float, float]:
+    """Return forward, right [m] of an object and the car's yaw [rad] at the azimuth that meets it.
+
+    centre (3,) [m] and velocity (3,) [m/s] are those at mid-scan.
+    """
+    azimuths = len(truth.pose)
+    middle = (azimuths - 1) / 2
+    pose, position = truth.middle_pose, centre
+    for _ in range(_ITERATIONS if share else 0):
+        forward, right = _in_car_frame(pose, position)
+        azimuth = round(math.atan2(right, forward) / (2 * math.pi) * azimuths) % azimuths
+        pose = truth.pose[round(middle + share * (azimuth - middle))]
+        position = centre + velocity * (share * float(scan.timestamp_us[azimuth] - truth.middle_us) / 1e6)
+    return *_in_car_frame(pose, position), float(pose[3])
+
+
+def _in_car_frame(pose: NDArray, position: NDArray) -> tuple[float, float]:
+    """Return forward and right [m] of a position in the world, for a car at `pose`."""
+    east, north = float(position[0] - pose[0]), float(position[1] - pose[1])
+    cosine, sine = math.cos(pose[3]), math.sin(pose[3])
+    return cosine * east + sine * north, sine * east - cosine * north
