@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import grid_sample, pad
 
+from echoscape.sim.datasets.cartesian import pixel_offsets, polar_places
+
 CODE_OF_ONE = 128
 """The code (64 dB above one count) that becomes 1 in the picture; the strongest of real scans are 136."""
 
@@ -81,17 +83,19 @@ class Projector:
     def __init__(self, settings: ImageSettings, azimuths: int) -> None:
         """Prepare for scans of `azimuths` rows."""
         self.settings, self.azimuths = settings, azimuths
-        self._offset = (torch.arange(settings.size, dtype=torch.float32) - (settings.size - 1) / 2) * 2
+        offsets = pixel_offsets(settings.size, pixel_m=settings.pixel_m, bin_m=settings.cell_m)
+        self._offset = torch.from_numpy(offsets).float()
 
     def _places(self, turn_rad: float, shift_m: tuple[float, float]) -> Tensor:
-        """Return (size, size, 2): range and turn of what a picture shows, each from -1 to 1."""
-        turn_rad = math.remainder(turn_rad, 2 * math.pi)
-        ahead, aside = (each / self.settings.cell_m for each in shift_m)
-        forward, right = (-self._offset - ahead)[:, None], (self._offset - aside)[None, :]
-        turns = torch.atan2(right, forward).sub_(turn_rad).mul_(1 / (2 * math.pi))
-        turns -= turns.floor()
-        cells = torch.hypot(forward, right).sub_(0.5).clamp_(min=0)
-        return torch.stack([cells.mul_(2 / (self.settings.cells - 1)).sub_(1), turns.mul_(2).sub_(1)], -1)
+        """Return (size, size, 2): range and azimuth of every pixel, each from -1 to 1."""
+        azimuth, cells = polar_places(
+            self._offset,
+            turn_rad=math.remainder(turn_rad, 2 * math.pi),
+            shift=(shift_m[0] / self.settings.cell_m, shift_m[1] / self.settings.cell_m),
+            xp=torch,
+        )
+        cells = cells.clamp_(min=0).mul_(2 / (self.settings.cells - 1)).sub_(1)
+        return torch.stack([cells, azimuth.mul_(2).sub_(1)], -1)
 
     def image(
         self,

@@ -1,69 +1,131 @@
-"""Polar scans as pictures seen from above and back: forward is up, right is right, the radar in the middle.
+"""Polar scans as Cartesian images from above, and back: forward is up, the radar is in the middle.
 
-Row i looks along azimuth 2 pi i / azimuths, clockwise from ahead; bin k is centred at (k + 1/2) bin_m.
+Azimuth i looks along 2 pi i / azimuths, clockwise from ahead; bin k is centred at (k + 1/2) bin_m. Where a
+pixel lies in a scan is computed in one place, `polar_places`, for arrays of NumPy and of torch.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Grid = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+def polar_places(
+    offset: Any, *, turn_rad: float = 0.0, shift: tuple[float, float] = (0.0, 0.0), xp: Any = np
+) -> tuple[Any, Any]:
+    """Compute where the pixels of a square image lie in a polar scan.
+
+    Args:
+        offset: Offsets of the pixels' centres from the middle along a side of the image (size,), ascending,
+            in range bins.
+        turn_rad: Clockwise rotation of the scan about the radar [rad].
+        shift: Shift of the scan forward and right after the rotation, in range bins.
+        xp: Array namespace of `offset`: `numpy` or `torch`.
+
+    Returns:
+        Azimuth in revolutions from 0 to 1 and range in bins from the first bin's centre, which is -1/2 at the
+        radar; each (size, size), the first axis from ahead to behind.
+    """
+    ahead, aside = shift
+    forward, right = (-offset - ahead)[:, None], (offset - aside)[None, :]
+    azimuth, range_bins = xp.arctan2(right, forward), xp.hypot(forward, right)
+    azimuth -= turn_rad
+    azimuth *= 1 / (2 * math.pi)
+    azimuth -= xp.floor(azimuth)
+    range_bins -= 0.5
+    return azimuth, range_bins
+
+
+def pixel_offsets(size: int, *, pixel_m: float, bin_m: float) -> NDArray[np.float64]:
+    """Compute the offsets of the pixels' centres from the middle of an image.
+
+    Args:
+        size: Pixels along a side.
+        pixel_m: Width of a pixel [m].
+        bin_m: Length of a range bin [m].
+
+    Returns:
+        Offsets (size,) in range bins, ascending.
+    """
+    return (np.arange(size) - (size - 1) / 2) * (pixel_m / bin_m)
 
 
 def polar_to_cartesian(codes: ArrayLike, bin_m: float, *, pixel_m: float, size: int) -> NDArray[np.float32]:
-    """Return a scan as a picture (size, size) float32, interpolated linearly in azimuth and range.
+    """Convert a scan to an image, interpolated linearly in azimuth and range.
 
-    codes: (azimuths, bins) real numbers; pixel_m: width of a pixel [m]; the radar is at the middle of the
-    picture, between the middle pixels where `size` is even. Beyond the last bin's centre the picture is 0.
+    Args:
+        codes: Real numbers (azimuths, bins).
+        bin_m: Length of a range bin [m].
+        pixel_m: Width of a pixel [m].
+        size: Pixels along a side; the radar is between the middle pixels where it is even.
+
+    Returns:
+        The image (size, size) float32, 0 beyond the centre of the last bin.
 
     Raises:
-        ValueError: an argument is no size or no scan.
+        ValueError: A size is not above 0, or `codes` is no scan.
     """
     values = np.asarray(codes, np.float32)
-    row, column = _places(values, bin_m, pixel_m=pixel_m, size=size)
+    azimuth, column = _places(values, bin_m, pixel_m=pixel_m, size=size)
     azimuths, bins = values.shape
-    low_row, low_column = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
-    u, v = (row - low_row).astype(np.float32), (column - low_column).astype(np.float32)
-    above, below = low_row % azimuths, (low_row + 1) % azimuths
-    near, far = np.clip(low_column, 0, bins - 1), np.clip(low_column + 1, 0, bins - 1)
-    first = (1 - v) * values[above, near] + v * values[above, far]
-    second = (1 - v) * values[below, near] + v * values[below, far]
+    before, near = np.floor(azimuth).astype(np.int64), np.floor(column).astype(np.int64)
+    u, v = (azimuth - before).astype(np.float32), (column - near).astype(np.float32)
+    before, after = before % azimuths, (before + 1) % azimuths
+    near, far = np.clip(near, 0, bins - 1), np.clip(near + 1, 0, bins - 1)
+    first = (1 - v) * values[before, near] + v * values[before, far]
+    second = (1 - v) * values[after, near] + v * values[after, far]
     return np.where(column <= bins - 1, (1 - u) * first + u * second, np.float32(0))
 
 
 def nearest_cells(values: NDArray, bin_m: float, *, pixel_m: float, size: int) -> NDArray:
-    """Return labels (azimuths, bins) as a picture (size, size) of the same type: each pixel's nearest cell.
+    """Convert labels of a scan to an image in which every pixel has the label of its nearest cell.
+
+    Args:
+        values: Labels (azimuths, bins).
+        bin_m: Length of a range bin [m].
+        pixel_m: Width of a pixel [m].
+        size: Pixels along a side.
+
+    Returns:
+        The image (size, size) of the same type, 0 beyond the end of the last bin.
 
     Raises:
-        ValueError: an argument is no size or no scan.
+        ValueError: A size is not above 0, or `values` is no scan.
     """
-    row, column = _places(values, bin_m, pixel_m=pixel_m, size=size)
+    azimuth, column = _places(values, bin_m, pixel_m=pixel_m, size=size)
     azimuths, bins = values.shape
     cells = np.clip(np.rint(column), 0, bins - 1).astype(np.int64)
-    picture = values[np.rint(row).astype(np.int64) % azimuths, cells]
-    return np.where(column <= bins - 0.5, picture, np.zeros((), values.dtype))
+    image = values[np.rint(azimuth).astype(np.int64) % azimuths, cells]
+    return np.where(column <= bins - 0.5, image, np.zeros((), values.dtype))
 
 
 def cartesian_to_polar(
-    picture: ArrayLike, *, pixel_m: float, azimuths: int, bins: int, bin_m: float
+    image: ArrayLike, *, pixel_m: float, azimuths: int, bins: int, bin_m: float
 ) -> NDArray[np.float32]:
-    """Return a picture as a scan (azimuths, bins) float32, interpolated linearly between pixels' middles.
+    """Convert an image to a scan, interpolated linearly between the centres of its pixels.
 
-    picture: (height, width) real numbers, forward up and right right; pixel_m: width of a pixel [m]; the
-    radar is at the middle of the picture. Outside the outermost pixels' middles the scan is 0.
+    Args:
+        image: Real numbers (height, width), forward up and right to the right, the radar in the middle.
+        pixel_m: Width of a pixel [m].
+        azimuths: Azimuths of the scan.
+        bins: Range bins of the scan.
+        bin_m: Length of a range bin [m].
+
+    Returns:
+        The scan (azimuths, bins) float32, 0 outside the centres of the outermost pixels.
 
     Raises:
-        ValueError: an argument is no size or no picture.
+        ValueError: A size is not above 0, or `image` is no image.
     """
-    values = np.asarray(picture, np.float32)
+    values = np.asarray(image, np.float32)
     if values.ndim != 2 or 0 in values.shape:
-        raise ValueError(f"picture must be (height, width), got shape {values.shape}")
+        raise ValueError(f"image must be (height, width), got shape {values.shape}")
     _check_sizes(pixel_m=pixel_m, azimuths=azimuths, bins=bins, bin_m=bin_m)
     azimuth = np.arange(azimuths)[:, None] * (2 * math.pi / azimuths)
     range_m = (np.arange(bins) + 0.5) * bin_m
     height, width = values.shape
-    # A billionth of a pixel, so that what lies on the edge is not lost to rounding.
+    # A billionth of a pixel, so that no cell on the edge is lost to rounding.
     down = np.round((height - 1) / 2 - np.cos(azimuth) * range_m / pixel_m, 9)
     right = np.round((width - 1) / 2 + np.sin(azimuth) * range_m / pixel_m, 9)
     inside = (down >= 0) & (down <= height - 1) & (right >= 0) & (right <= width - 1)
@@ -83,12 +145,12 @@ def _check_sizes(**sizes: float) -> None:
             raise ValueError(f"{name} must be finite and above 0, got {value}")
 
 
-def _places(values: NDArray, bin_m: float, *, pixel_m: float, size: int) -> Grid:
-    """Return the fractional row and column (size, size) of every pixel's middle in the scan."""
+def _places(
+    values: NDArray, bin_m: float, *, pixel_m: float, size: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the fractional azimuth index and bin (size, size) of every pixel's centre in the scan."""
     if values.ndim != 2 or 0 in values.shape:
         raise ValueError(f"codes must be (azimuths, bins), got shape {values.shape}")
     _check_sizes(bin_m=bin_m, pixel_m=pixel_m, size=size)
-    offset = (np.arange(size) - (size - 1) / 2) * pixel_m
-    right, forward = offset[None, :], -offset[:, None]
-    azimuth = np.arctan2(right, forward) % (2 * math.pi)
-    return azimuth * (values.shape[0] / (2 * math.pi)), np.hypot(right, forward) / bin_m - 0.5
+    azimuth, column = polar_places(pixel_offsets(size, pixel_m=pixel_m, bin_m=bin_m))
+    return azimuth * values.shape[0], column

@@ -146,9 +146,9 @@ def test_planes_in_pictures_are_kept_exactly_and_what_lies_outside_is_zero(
 
 @pytest.mark.parametrize(
     "argument",
-    [{"pixel_m": 0.0}, {"azimuths": 0}, {"bins": -1}, {"bin_m": math.inf}, {"picture": np.zeros((0, 3))}],
+    [{"pixel_m": 0.0}, {"azimuths": 0}, {"bins": -1}, {"bin_m": math.inf}, {"image": np.zeros((0, 3))}],
 )
 def test_senseless_arguments_of_the_way_back_are_refused_by_name(argument: dict[str, Any]) -> None:
-    good = {"picture": np.zeros((4, 4)), "pixel_m": 1.0, "azimuths": 4, "bins": 4, "bin_m": 1.0} | argument
+    good = {"image": np.zeros((4, 4)), "pixel_m": 1.0, "azimuths": 4, "bins": 4, "bin_m": 1.0} | argument
     with pytest.raises(ValueError, match=next(iter(argument))):
-        cartesian_to_polar(good.pop("picture"), **good)
+        cartesian_to_polar(good.pop("image"), **good)
