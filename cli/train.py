@@ -1,143 +1,168 @@
-"""`echoscape train`: parse the settings, open the data, train a model, and say where it is."""
+"""`echoscape train`: train keypoint odometry on folders of scans with poses."""
 
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import torch
 import tyro
 from rich.console import Console
 
-from echoscape.cli.arguments import parse
+from echoscape.cli.arguments import parse, with_config_file
 from echoscape.cli.progress import ProgressBars
+from echoscape.cli.torch_setup import check_threads, idle_cores, require_torch, use_threads
 from echoscape.learn.data.image import ImageSettings
-from echoscape.learn.data.scan_pairs import PairSet
-from echoscape.learn.model.keypoint_model import ModelSettings
-from echoscape.learn.training.config import TrainSettings
-from echoscape.learn.training.trainer import Data, train
-from echoscape.sim.datasets.files.atomic_write import DatasetError
-from echoscape.sim.numerics import malloc as heap
+from echoscape.learn.training.config import TrainingConfig
+
+if TYPE_CHECKING:
+    from echoscape.learn.training.trainer import TrainingData
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Learn keypoint odometry from folders of scans that tell poses, simulated or real.
+    """Train keypoint odometry on folders of scans with poses, simulated or real.
 
     torchrun --nproc-per-node N -m echoscape.cli.train ... trains with N processes.
     """
 
     data: tuple[Path, ...]
-    """Folders to learn from."""
+    """Folders to train on."""
     out: Path
     """Folder of the run; it must be empty or new, unless --resume."""
     validate: tuple[Path, ...] = ()
-    """Folders to validate on; the best model on them is kept."""
+    """Folders to validate on; the model that is best on them is kept."""
     resolution: float = ImageSettings.pixel_m
-    """Width of a picture's pixel [m]; the paper has 0.6912 and 0.3456."""
+    """Width of an image's pixel [m]; the paper has 0.6912 and 0.3456."""
     size: int = ImageSettings.size
-    """Pixels a side of a picture, even; multiples of 80 need no margin."""
+    """Pixels a side of an image, even; multiples of 80 need no margin."""
     near_m: float = ImageSettings.near_m
-    """Range below which pictures are empty [m]."""
+    """Range below which images are empty [m]."""
     location_head: bool = True
-    """Learn where keypoints are; without, they are the cells' middles."""
+    """Learn the positions of keypoints; without, they are at the centres of the cells."""
     score_head: bool = True
-    """Learn how far to trust keypoints; without, descriptors alone weigh matches."""
+    """Learn scores of keypoints; without, matches are weighted by descriptors alone."""
     temperature: float = 100.0
     """T of the matching softmax."""
     pooling: Literal["max", "blurred"] = "max"
-    """How the encoder halves its maps: by plain maxima, as in the paper, or by maxima that are low-passed, so
-    that small motions are not found too short."""
-    start: Path | None = None
-    """Weights to begin with, of any resolution; without, --seed draws them."""
+    """How the encoder halves its maps: by maxima, as in the paper, or by low-passed maxima, so that small
+    motions are not underestimated."""
+    init_weights: Path | None = None
+    """Weights to start from, of any resolution; without, --seed draws them."""
     cache: Path | None = None
     """Folder for prepared scans; by default the folder `cache` in each data folder."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where to train; auto takes a GPU where PyTorch finds one."""
     threads: int | None = None
-    """Threads of the process; by default all processors. Another number changes the last digits."""
+    """Threads on the CPU. By default OMP_NUM_THREADS; else the number of the run to --resume; else the
+    physical cores less the load of the last minute. Another number changes the last digits of the weights."""
     resume: bool = False
-    """Go on with the run in OUT."""
-    train: Annotated[TrainSettings, tyro.conf.arg(name="")] = field(default_factory=TrainSettings)
+    """Continue the run in OUT."""
+    config: Path | None = None
+    """TOML file of options: keys are their names, dotted options are keys in tables
+    (--augmentation.max-shift-m is max-shift-m in [augmentation]). Options given by hand win over it."""
+    training: Annotated[TrainingConfig, tyro.conf.arg(name="")] = field(default_factory=TrainingConfig)
     """How to train."""
 
+    def __post_init__(self) -> None:
+        check_threads(self.threads)
+
     @property
-    def model(self) -> ModelSettings:
-        """The model to train."""
-        return ModelSettings(
-            image=ImageSettings(pixel_m=self.resolution, size=self.size, near_m=self.near_m),
-            temperature=self.temperature,
-            location_head=self.location_head,
-            score_head=self.score_head,
-            pooling=self.pooling,
-        )
+    def image(self) -> ImageSettings:
+        """How scans become images."""
+        return ImageSettings(pixel_m=self.resolution, size=self.size, near_m=self.near_m)
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the subcommand and return its exit code."""
+    """Run the subcommand.
+
+    Args:
+        arguments: The words after `echoscape train`.
+
+    Returns:
+        The exit code: 0 done, 1 a file could not be written, 2 bad input, 130 interrupted.
+    """
     try:
-        options = parse(Options, prog="echoscape train", words=arguments)
-        model_settings = options.model
-        if options.threads is not None and options.threads < 1:
-            raise ValueError(f"threads must be 1 or more, got {options.threads}")
+        words = with_config_file(Options, arguments)
+        options = parse(Options, prog="echoscape train", words=words)
         if not options.data:
             raise ValueError("data must name one folder or more")
-    except ValueError as error:
-        return _refused(str(error), 2)
-    return _train(options, model_settings)
-
-
-def _train(options: Options, model_settings: ModelSettings) -> int:
-    heap.keep_freed_memory()
-    if options.threads is not None:
-        torch.set_num_threads(options.threads)
-    console, since = Console(stderr=True), time.monotonic()
-    try:
-        with ProgressBars(console) as stages:
-            data = _data(options, model_settings.image, stages)
-            train(
-                options.out,
-                model_settings,
-                options.train,
-                data,
-                start=options.start,
-                resume=options.resume,
-                report=lambda line: _report(stages, options.train.steps, line),
-            )
+        require_torch("train")
+        return _train(options)
     except KeyboardInterrupt:
-        return _refused("interrupted; add --resume to go on from the last checkpoint", 130)
-    except (DatasetError, ValueError) as error:
-        return _refused(str(error), 2)
+        return _refuse("interrupted; add --resume to continue from the last checkpoint", 130)
+    except ValueError as error:  # errors of a dataset among them
+        return _refuse(str(error), 2)
     except OSError as error:
-        return _refused(f"{error.filename or options.out}: {error.strerror or error}", 1)
+        return _refuse(f"{error.filename or 'OUT'}: {error.strerror or error}", 1)
+
+
+def _train(options: Options) -> int:
+    from echoscape.learn.model.keypoint_model import ModelSettings
+    from echoscape.learn.training.trainer import train
+    from echoscape.sim.numerics.malloc import keep_freed_memory
+
+    model = ModelSettings(
+        image=options.image,
+        temperature=options.temperature,
+        location_head=options.location_head,
+        score_head=options.score_head,
+        pooling=options.pooling,
+    )
+    keep_freed_memory()
+    use_threads(_threads(options))
+    since = time.monotonic()
+    with ProgressBars(Console(stderr=True)) as bars:
+        train(
+            options.out,
+            model,
+            options.training,
+            _data(options, bars),
+            init_weights=options.init_weights,
+            resume=options.resume,
+            device=options.device,
+            callback=lambda entry: _report(bars, options.training.steps, entry),
+        )
     Console().print(
         f"{options.out}: trained in {time.monotonic() - since:.0f} s; last.safetensors, log.jsonl, loss.png"
     )
     return 0
 
 
-def _data(options: Options, image: ImageSettings, stages: ProgressBars) -> Data:
-    training = PairSet(options.data, image, cache=options.cache, report=stages.report)
+def _threads(options: Options) -> int:
+    """Return the number of threads: as given, as the run to resume had, or as many as cores are idle."""
+    from echoscape.learn.training.trainer import recorded_threads
+
+    recorded = recorded_threads(options.out) if options.resume else None
+    return options.threads or recorded or idle_cores()
+
+
+def _data(options: Options, bars: ProgressBars) -> "TrainingData":
+    from echoscape.learn.data.scan_pairs import PairDataset
+    from echoscape.learn.training.trainer import TrainingData
+
+    training = PairDataset(options.data, options.image, cache=options.cache, progress=bars.report)
     if not options.validate:
-        return Data(training=training)
-    learned = {folder.resolve() for folder in options.data}
-    if both := [str(folder) for folder in options.validate if folder.resolve() in learned]:
-        raise ValueError(f"validate must be folders that are not learned from, got {', '.join(both)} in both")
-    return Data(
+        return TrainingData(training=training)
+    trained_on = {folder.resolve() for folder in options.data}
+    if both := [str(folder) for folder in options.validate if folder.resolve() in trained_on]:
+        raise ValueError(f"validate must be other folders than data, got {', '.join(both)} in both")
+    return TrainingData(
         training=training,
-        validation=PairSet(options.validate, image, cache=options.cache, report=stages.report),
+        validation=PairDataset(options.validate, options.image, cache=options.cache, progress=bars.report),
     )
 
 
-def _report(stages: ProgressBars, steps: int, line: dict[str, Any]) -> None:
-    stages.report("steps", line["step"], steps)
-    if "validation" in line:
-        errors = line["validation"]
-        told = f"validation: median {errors['median_m']:.3f} m, mean {errors['mean_m']:.3f} m"
-        print(f"step {line['step']}: {told}", file=sys.stderr)
+def _report(bars: ProgressBars, steps: int, entry: dict[str, Any]) -> None:
+    bars.report("steps", entry["step"], steps)
+    if "validation" in entry:
+        errors = entry["validation"]
+        means = f"median {errors['median_m']:.3f} m, mean {errors['mean_m']:.3f} m"
+        print(f"step {entry['step']}: validation: {means}", file=sys.stderr)
 
 
-def _refused(message: str, code: int) -> int:
+def _refuse(message: str, code: int) -> int:
     print(f"echoscape train: {message}", file=sys.stderr)
     return code
 

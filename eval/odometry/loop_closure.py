@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from echoscape.learn.data.augmentation import Turns, turned
+from echoscape.learn.data.augmentation import PairAugmentation, augmented_motion
 from echoscape.learn.odometry.scan_matcher import PairEstimate, ScanFeatures, ScanMatcher
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.scan_folder import ScanFolder
@@ -141,7 +141,7 @@ def _features(
 def _truth(poses: NDArray[np.float64], pair: TurnedPair, rows: int) -> SE2:
     motion = SE2.from_array(relative(poses[pair.destination], poses[pair.source]))
     turn_rad = 2 * math.pi * pair.rows / rows
-    return turned(motion, Turns(source_rad=turn_rad))
+    return augmented_motion(motion, PairAugmentation(source_rotation_rad=turn_rad))
 
 
 def _figures(errors: Sequence[tuple[float, float]], count: int) -> dict[str, float | None]:

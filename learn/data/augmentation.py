@@ -1,9 +1,9 @@
-"""Turns and shifts for training, so that motions are found at any heading, and none is likelier than others.
+"""Rotations and shifts of the images of training pairs, so that no motion is likelier than another.
 
-Source: loop closure in Barnes & Posner 2020, section V, meets places in any direction. Pictures are turned
-when they are made (`image.Projector`), which costs no sharpness; the motion changes exactly. Shifts are ours:
-a car moves little between scans, so that a network learns to look where things have been, and finds motions
-too short; once pictures are shifted at random, it has nothing to go by but what it sees.
+Source: loop closure in Barnes & Posner 2020, section V, meets places from any direction. Images are rotated
+as they are made (`image.Projector`), which costs no sharpness; the motion between them changes exactly.
+Shifts are ours: a car moves little between scans, so that a network learns to search where objects were in
+the last image, and underestimates motions; randomly shifted images can only be matched by their content.
 """
 
 import math
@@ -15,74 +15,100 @@ from echoscape.sim.datasets.se2 import SE2
 
 
 @dataclass(frozen=True, kw_only=True)
-class TurnSettings:
-    """How pairs are turned."""
+class AugmentationConfig:
+    """Ranges of the random rotations and shifts of training pairs."""
 
-    common: bool = True
-    """Turn both pictures by a random heading."""
-    largest_rad: float = math.pi
-    """Largest turn of one picture against the other, either way [rad, 0 to pi]."""
-    first_step: int = 2000
-    """Step of training up to which neither picture is turned against the other."""
-    full_step: int = 20_000
-    """Step of training from which turns are up to the largest, after an even growth."""
-    largest_shift_m: float = 0.0
-    """Largest shift of one picture against the other, forward and right, either way [m]."""
+    shared_rotation: bool = True
+    """Rotate both images of a pair to one random heading."""
+    max_rotation_rad: float = math.pi
+    """Largest rotation of one image against the other, either way [rad, 0 to pi]."""
+    ramp_start_step: int = 2000
+    """Training step up to which no image is rotated against the other."""
+    ramp_end_step: int = 20_000
+    """Training step from which rotations reach their largest value, after a linear increase."""
+    max_shift_m: float = 0.0
+    """Largest shift of one image against the other, forward and right, either way [m]."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.largest_shift_m < math.inf:
-            raise ValueError(f"largest_shift_m must be finite and 0 or more, got {self.largest_shift_m}")
-        if not 0 <= self.largest_rad <= math.pi:
-            raise ValueError(f"largest_rad must be between 0 and pi, got {self.largest_rad}")
-        if not 0 <= self.first_step < self.full_step:
-            steps = f"{self.first_step} and {self.full_step}"
-            raise ValueError(f"first_step must be 0 or more and below full_step, got {steps}")
+        if not 0 <= self.max_shift_m < math.inf:
+            raise ValueError(f"max_shift_m must be finite and 0 or more, got {self.max_shift_m}")
+        if not 0 <= self.max_rotation_rad <= math.pi:
+            raise ValueError(f"max_rotation_rad must be between 0 and pi, got {self.max_rotation_rad}")
+        if not 0 <= self.ramp_start_step < self.ramp_end_step:
+            steps = f"{self.ramp_start_step} and {self.ramp_end_step}"
+            raise ValueError(f"ramp_start_step must be 0 or more and below ramp_end_step, got {steps}")
 
-    def bound_rad(self, step: int) -> float:
-        """Return the largest relative turn at a step of training [rad]."""
-        part = (step - self.first_step) / (self.full_step - self.first_step)
-        return self.largest_rad * min(max(part, 0.0), 1.0)
+    def rotation_limit_rad(self, step: int) -> float:
+        """Return the largest relative rotation at a training step.
+
+        Args:
+            step: Number of the step, from 0.
+
+        Returns:
+            The limit [rad].
+        """
+        part = (step - self.ramp_start_step) / (self.ramp_end_step - self.ramp_start_step)
+        return self.max_rotation_rad * min(max(part, 0.0), 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Turns:
-    """What to turn pictures by, clockwise [rad], and to shift the source's by then, forward and right [m]."""
+class PairAugmentation:
+    """How the images of one pair are rotated and shifted.
 
-    source_rad: float = 0.0
-    destination_rad: float = 0.0
-    shift_m: tuple[float, float] = (0.0, 0.0)
+    Attributes:
+        source_rotation_rad: Clockwise rotation of the source's image about the radar [rad].
+        destination_rotation_rad: The same for the destination's.
+        source_shift_m: Shift of the source's image after its rotation: forward, right [m].
+    """
+
+    source_rotation_rad: float = 0.0
+    destination_rotation_rad: float = 0.0
+    source_shift_m: tuple[float, float] = (0.0, 0.0)
 
     @property
-    def source_shown_at(self) -> SE2:
-        """The pose of the source in the frame of its picture."""
-        return SE2(x_m=self.shift_m[0], y_m=self.shift_m[1], yaw_rad=self.source_rad)
+    def source_in_image(self) -> SE2:
+        """Pose of the source scan in the frame of its image."""
+        x_m, y_m = self.source_shift_m
+        return SE2(x_m=x_m, y_m=y_m, yaw_rad=self.source_rotation_rad)
 
     @property
-    def destination_shown_at(self) -> SE2:
-        """The same of the destination."""
-        return SE2(x_m=0.0, y_m=0.0, yaw_rad=self.destination_rad)
+    def destination_in_image(self) -> SE2:
+        """Pose of the destination scan in the frame of its image."""
+        return SE2(x_m=0.0, y_m=0.0, yaw_rad=self.destination_rotation_rad)
 
 
-def drawn_turns(settings: TurnSettings, step: int, *, rng: np.random.Generator) -> Turns:
-    """Draw the turns of a pair: a heading for both, a turn and a shift of the source; all are uniform."""
-    common, relative = rng.uniform(-math.pi, math.pi), rng.uniform(-1, 1)
-    common = common if settings.common else 0.0
+def draw_augmentation(config: AugmentationConfig, step: int, *, rng: np.random.Generator) -> PairAugmentation:
+    """Draw rotations and shift of a pair, each uniform in its range.
+
+    Args:
+        config: The ranges.
+        step: Number of the training step, which limits the relative rotation.
+        rng: Source of the draws.
+
+    Returns:
+        The augmentation.
+    """
+    shared, relative = rng.uniform(-math.pi, math.pi), rng.uniform(-1, 1)
+    shared = shared if config.shared_rotation else 0.0
     shift = (0.0, 0.0)
-    if settings.largest_shift_m > 0:
-        forward, right = rng.uniform(-settings.largest_shift_m, settings.largest_shift_m, 2).tolist()
+    if config.max_shift_m > 0:
+        forward, right = rng.uniform(-config.max_shift_m, config.max_shift_m, 2).tolist()
         shift = (forward, right)
-    turn = common + relative * settings.bound_rad(step)
-    return Turns(source_rad=turn, destination_rad=common, shift_m=shift)
+    rotation = shared + relative * config.rotation_limit_rad(step)
+    return PairAugmentation(
+        source_rotation_rad=rotation, destination_rotation_rad=shared, source_shift_m=shift
+    )
 
 
-def turned(motion: SE2, turns: Turns) -> SE2:
-    """Compute the motion between turned and shifted images of a pair.
+def augmented_motion(motion: SE2, augmentation: PairAugmentation) -> SE2:
+    """Compute the motion between the augmented images of a pair.
 
     Args:
         motion: T_destination_source of the scans.
-        turns: How their images are turned and shifted.
+        augmentation: How their images are rotated and shifted.
 
     Returns:
-        T_a_d T_d_s T_s_b of the images a of the destination and b of the source.
+        T_a_b = T_a_destination T_destination_source T_source_b of the images a of the destination and b of
+        the source.
     """
-    return turns.destination_shown_at @ motion @ turns.source_shown_at.inverse()
+    return augmentation.destination_in_image @ motion @ augmentation.source_in_image.inverse()

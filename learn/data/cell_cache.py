@@ -1,7 +1,7 @@
-"""The range cells of a folder's scans in one file, mapped into memory: a pair takes milliseconds to read.
+"""The averaged range cells of a folder's scans in one memory-mapped file: a pair takes milliseconds to read.
 
-Source: the format is NumPy's .npy, (scans, azimuths, cells) uint8, which `numpy.load` opens. The name carries
-a fingerprint of the settings and of the scans' files, so that a cache of something else is never read.
+Source: NumPy's .npy format, (scans, azimuths, cells) uint8, which `numpy.load` opens. The file's name has a
+hash of the settings and of the scans' files, so that a cache of other data is never read.
 """
 
 import hashlib
@@ -19,42 +19,49 @@ from echoscape.sim.datasets.scan_folder import ScanFolder
 
 _FORMAT = 1
 
-Report = Callable[[str, int, int], None]
-"""Told of progress: what is made, how many are done, of how many."""
+Progress = Callable[[str, int, int], None]
+"""Called with what is prepared, how many scans are done, and how many there are."""
 
 
-def cells_of(
-    folder: ScanFolder, image: ImageSettings, *, cache: Path | None = None, report: Report | None = None
+def cached_range_cells(
+    folder: ScanFolder, image: ImageSettings, *, cache: Path | None = None, progress: Progress | None = None
 ) -> NDArray[np.uint8]:
-    """Return the cells (scans, azimuths, cells) uint8 of a folder's scans, made once and then mapped.
+    """Return the range cells of a folder's scans, computed once and then mapped from the cache.
 
-    cache: where the file is kept, by default `cache` in the folder itself.
+    Args:
+        folder: The scans.
+        image: How scans become images.
+        cache: Folder of the cache; by default `cache` in the folder of the scans.
+        progress: Called after each scan that is computed.
+
+    Returns:
+        Codes averaged over range cells (scans, azimuths, cells), read-only.
 
     Raises:
-        DatasetError: a scan cannot be read.
-        OSError: the cache cannot be written.
+        DatasetError: A scan cannot be read, or the cache is damaged.
+        OSError: The cache cannot be written.
     """
     path = (folder.folder / "cache" if cache is None else cache) / f"cells_{_fingerprint(folder, image)}.npy"
     shape = (len(folder), folder.sensor.azimuths, image.cells)
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
-        _write(path, folder, image, shape, report)
+        _write(path, folder, image, shape, progress)
     cells = np.load(path, mmap_mode="r")
     if cells.shape != shape or cells.dtype != np.uint8:
-        raise DatasetError(f"{path}: holds {cells.dtype} {cells.shape}, wanted uint8 {shape}; delete it")
+        raise DatasetError(f"{path}: holds {cells.dtype} {cells.shape}, expected uint8 {shape}; delete it")
     return cells
 
 
 def _write(
-    path: Path, folder: ScanFolder, image: ImageSettings, shape: tuple[int, ...], report: Report | None
+    path: Path, folder: ScanFolder, image: ImageSettings, shape: tuple[int, ...], progress: Progress | None
 ) -> None:
     temporary = temporary_beside(path)
     try:
         cells = open_memmap(temporary, mode="w+", dtype=np.uint8, shape=shape)
         for index, scan in enumerate(folder):
             cells[index] = range_cells(scan.codes, scan.bin_m, image, range_offset_m=folder.range_offset_m)
-            if report is not None:
-                report(f"cells of {folder.folder.name}", index + 1, len(folder))
+            if progress is not None:
+                progress(f"cells of {folder.folder.name}", index + 1, len(folder))
         cells.flush()
         os.replace(temporary, path)
     except BaseException:
@@ -64,5 +71,5 @@ def _write(
 
 def _fingerprint(folder: ScanFolder, image: ImageSettings) -> str:
     files = [(path.name, path.stat().st_size) for path in folder.paths]
-    told = repr((_FORMAT, image, folder.sensor.bin_m, folder.range_offset_m, files))
-    return hashlib.sha256(told.encode()).hexdigest()[:16]
+    content = repr((_FORMAT, image, folder.sensor.bin_m, folder.range_offset_m, files))
+    return hashlib.sha256(content.encode()).hexdigest()[:16]

@@ -1,6 +1,6 @@
-"""A training run's state on disk, so that a run that was stopped goes on to the same result.
+"""The state of a training run on disk, so that a run that was stopped is resumed to the same result.
 
-Draws depend on the step alone, so the state is the model's, the optimiser's and the step: nothing else.
+Random draws depend on the step alone, so the state is that of the model, the optimiser and the step.
 """
 
 import io
@@ -20,11 +20,15 @@ FILE_NAME = "checkpoint.pt"
 
 
 @dataclass(kw_only=True)
-class Progress:
+class RunState:
     """How far a run has come.
 
-    step: steps done; best_m, best_step: lowest validation loss [m] and when; seconds: taken so far; recent:
-    loss and errors of the steps since the last line of the log.
+    Attributes:
+        step: Steps done.
+        best_m: Lowest validation loss so far [m].
+        best_step: Step at which it was reached.
+        seconds: Time taken so far [s].
+        recent: Loss [m], errors of translation [m] and rotation [rad] of the steps since the last log entry.
     """
 
     step: int = 0
@@ -36,48 +40,81 @@ class Progress:
 
 @dataclass(frozen=True, kw_only=True)
 class Checkpoint:
-    """What goes on: settings (told as a dictionary), progress, and the states that torch keeps."""
+    """All that a run needs to be resumed.
+
+    Attributes:
+        settings: Settings of the run, as in its settings.json.
+        state: How far it has come.
+        model: State dictionary of the model.
+        optimiser: State dictionary of the optimiser.
+    """
 
     settings: dict[str, Any]
-    progress: Progress
+    state: RunState
     model: dict[str, Any]
     optimiser: dict[str, Any]
 
 
 def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
-    """Write a checkpoint into `folder`, whole or not at all."""
+    """Write a checkpoint, whole or not at all.
+
+    Args:
+        folder: Folder of the run.
+        checkpoint: Its state, on any device.
+    """
     buffer = io.BytesIO()
-    torch.save({**vars(checkpoint), "progress": vars(checkpoint.progress)}, buffer)
+    torch.save({**vars(checkpoint), "state": vars(checkpoint.state)}, buffer)
     write_whole(folder / FILE_NAME, buffer.getvalue())
 
 
 def read_checkpoint(folder: Path) -> Checkpoint:
-    """Read the checkpoint in `folder`; no code in it is run.
+    """Read the checkpoint of a run; no code in the file is executed.
+
+    Args:
+        folder: Folder of the run.
+
+    Returns:
+        Its state, on the CPU whatever device wrote it; `load_state_dict` copies it to the device of a model.
 
     Raises:
-        DatasetError: it is absent or damaged; the message names it.
+        DatasetError: The file is absent or damaged; the message names it.
     """
     path = folder / FILE_NAME
     try:
-        content = torch.load(path, weights_only=True)
-        return Checkpoint(**{**content, "progress": Progress(**content["progress"])})
+        content = torch.load(path, map_location="cpu", weights_only=True)
+        return Checkpoint(**{**content, "state": RunState(**content["state"])})
     except (OSError, RuntimeError, EOFError, KeyError, TypeError, pickle.UnpicklingError) as error:
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise DatasetError(f"{path}: cannot be read ({reason})") from error
 
 
 def initial_model(settings: ModelSettings, *, seed: int) -> KeypointModel:
-    """Return a model with its first weights, which depend on the seed alone."""
+    """Make a model with random weights.
+
+    Args:
+        settings: Settings of the model.
+        seed: Seed of the weights, which depend on nothing else: drawn on the CPU, they suit every device.
+
+    Returns:
+        The model, on the CPU.
+    """
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(int(np.random.SeedSequence([seed, 2]).generate_state(1)[0]))
+        torch.default_generator.manual_seed(int(np.random.SeedSequence([seed, 2]).generate_state(1)[0]))
         return KeypointModel(settings).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
 
-def begin_with(model: KeypointModel, path: Path) -> dict[str, Any]:
-    """Give a model the weights in a file and return the record of their training.
+def load_initial_weights(model: KeypointModel, path: Path) -> dict[str, Any]:
+    """Load the weights in a file into a model, whose images may have another resolution.
+
+    Args:
+        model: The model to be trained.
+        path: File of weights.
+
+    Returns:
+        The record of their training, with the image settings under "image".
 
     Raises:
-        DatasetError: the file is no model, or one with other heads.
+        DatasetError: The file is not a model, or one with other heads.
     """
     other, record = read_weights(path)
     try:

@@ -1,4 +1,4 @@
-"""The picture of a training run: how its errors fell, and the matches of one pair."""
+"""The figure of a training run: loss and errors over steps, and the matches of one pair."""
 
 import json
 from pathlib import Path
@@ -10,33 +10,43 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from echoscape.learn.data.scan_pairs import Pair, PairSet
+from echoscape.learn.data.scan_pairs import Pair, PairDataset
 from echoscape.learn.geometry.procrustes import moved
 from echoscape.learn.model.keypoint_model import KeypointModel, Matching
 from echoscape.sim.datasets.files.atomic_write import read_text, temporary_beside
 
+_MATCHES = 150
+"""Matches that are drawn, those with the largest weights."""
 
-def draw_training(log: Path, out: Path, model: KeypointModel, shown: tuple[PairSet, Pair]) -> None:
-    """Draw the lines of a log and the matches of the pair `shown` into the PNG `out`, whole or not at all."""
+
+def draw_training(log: Path, out: Path, model: KeypointModel, example: tuple[PairDataset, Pair]) -> None:
+    """Draw a training run into a PNG file, whole or not at all.
+
+    Args:
+        log: The log of the run.
+        out: The file to write.
+        model: The model, on any device.
+        example: A pair whose matches are drawn, and where it is from.
+    """
     figure = Figure(figsize=(17, 5), layout="constrained")
     FigureCanvasAgg(figure)
     losses, errors, matches = figure.subplots(1, 3, width_ratios=(5, 5, 6))
-    lines = [json.loads(line) for line in read_text(log).splitlines()]
-    _draw_curves(losses, lines, "loss_m", "loss [m]; validation: that of the pose alone")
-    _draw_curves(errors, lines, "median_m", "median error of a pair's translation [m]")
-    _draw_matches(matches, model, *shown)
+    entries = [json.loads(line) for line in read_text(log).splitlines()]
+    _draw_curves(losses, entries, "loss_m", "loss [m]; validation: of the pose only")
+    _draw_curves(errors, entries, "median_m", "median error of a pair's translation [m]")
+    _draw_matches(matches, model, *example)
     temporary = temporary_beside(out)
     figure.savefig(temporary, format="png", dpi=80)
     temporary.replace(out)
 
 
-def _draw_curves(axes: Axes, lines: list[dict], name: str, label: str) -> None:
-    training = [line for line in lines if "validation" not in line]
-    validation = [line for line in lines if "validation" in line]
+def _draw_curves(axes: Axes, entries: list[dict], name: str, label: str) -> None:
+    training = [entry for entry in entries if "validation" not in entry]
+    validation = [entry for entry in entries if "validation" in entry]
     axes.plot([x["step"] for x in training], [x[name] for x in training], ".", label="training")
     held_out = [x["validation"][name] for x in validation]
     axes.plot([x["step"] for x in validation], held_out, "o-", label="validation")
-    if lines:
+    if entries:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -46,19 +56,21 @@ def _draw_curves(axes: Axes, lines: list[dict], name: str, label: str) -> None:
 
 
 @torch.no_grad()
-def _draw_matches(axes: Axes, model: KeypointModel, pairs: PairSet, pair: Pair) -> None:
+def _draw_matches(axes: Axes, model: KeypointModel, pairs: PairDataset, pair: Pair) -> None:
     """Draw keypoints of the source, moved by the estimate, and lines from there to their matches."""
-    batch = pairs.batch([pair])
-    training = model.training
+    training, device = model.training, next(model.parameters()).device
+    batch = pairs.batch([pair]).to(device)
     model.eval()
     matches = model(batch.source, batch.destination, Matching(stride=2), torch.float32)
     model.train(training)
-    start_m = moved(matches.source_m, matches.motion())[0].numpy()
-    found, weight = matches.destination_m[0].numpy(), matches.weights[0].numpy()
+    start_m = moved(matches.source_m, matches.motion())[0].cpu().numpy()
+    found_m, weight = matches.destination_m[0].cpu().numpy(), matches.weights[0].cpu().numpy()
     half = model.settings.image.size * model.settings.image.pixel_m / 2
-    axes.imshow(batch.destination[0, 0].numpy(), cmap="gray", extent=(-half, half, -half, half), vmax=0.6)
-    best = np.argsort(weight)[-150:]
-    for start, end in zip(start_m[best], found[best], strict=True):
+    image = batch.destination[0, 0].cpu().numpy()
+    axes.imshow(image, cmap="gray", extent=(-half, half, -half, half), vmax=0.6)
+    best = np.argsort(weight)[-_MATCHES:]
+    for start, end in zip(start_m[best], found_m[best], strict=True):
         axes.plot([start[1], end[1]], [start[0], end[0]], color="tab:orange", linewidth=0.7)
-    axes.scatter(found[best, 1], found[best, 0], s=4, color="tab:green")
-    axes.set(xlim=(-half, half), ylim=(-half, half), title="a pair's 150 heaviest matches: place and error")
+    axes.scatter(found_m[best, 1], found_m[best, 0], s=4, color="tab:green")
+    title = f"the {_MATCHES} matches of a pair with the largest weights: place and error"
+    axes.set(xlim=(-half, half), ylim=(-half, half), title=title)

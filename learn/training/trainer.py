@@ -1,7 +1,7 @@
-"""Training: pairs in, a model out, in a folder that tells how it went and from which it can go on.
+"""The training loop: pairs in, a model out, in a folder from which a run can be resumed.
 
 Source: Barnes & Posner 2020, section IV (Adam, 1e-3, alpha = 10); gradients are clipped at a norm of 10. With
-torchrun, every process draws pairs of its own and gradients are averaged.
+torchrun, every process draws its own pairs and gradients are averaged.
 
     RUN/settings.json   log.jsonl   checkpoint.pt   best.safetensors   last.safetensors   loss.png
 """
@@ -19,24 +19,25 @@ from torch import Tensor, distributed
 from torch.nn.parallel import DistributedDataParallel
 from torch.nn.utils import clip_grad_norm_
 
-from echoscape.learn.data.ground_truth import Truth
-from echoscape.learn.data.scan_pairs import PairSet
+from echoscape.learn.data.ground_truth import GroundTruth
+from echoscape.learn.data.scan_pairs import PairDataset
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.procrustes import ROBUST_SCALE_PX, Motion
-from echoscape.learn.model.keypoint_model import KeypointModel, ModelSettings
+from echoscape.learn.model.device import Device, resolve_device
+from echoscape.learn.model.keypoint_model import KeypointModel, Matching, ModelSettings
 from echoscape.learn.model.weights import write_weights
 from echoscape.learn.training.checkpoint import (
     FILE_NAME,
     Checkpoint,
-    Progress,
-    begin_with,
+    RunState,
     initial_model,
+    load_initial_weights,
     read_checkpoint,
     write_checkpoint,
 )
-from echoscape.learn.training.config import DTYPES, TrainSettings
-from echoscape.learn.training.distributed import joined_processes
-from echoscape.learn.training.logger import LOG_FILE, Report, TrainingLog
+from echoscape.learn.training.config import TrainingConfig
+from echoscape.learn.training.distributed import Process, joined_processes
+from echoscape.learn.training.logger import LOG_FILE, LogCallback, TrainingLog
 from echoscape.learn.training.losses import likelihood_loss, match_loss, pose_errors, pose_loss, score_loss
 from echoscape.learn.training.plots import draw_training
 from echoscape.learn.training.validation import fixed_pairs, pair_errors
@@ -45,41 +46,81 @@ from echoscape.sim.datasets.files.output_folder import check_output_folder
 
 SETTINGS_FILE = "settings.json"
 
+DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16}
+"""Number formats by the names that `TrainingConfig` has for them."""
+
+_MAY_CHANGE = ("steps", "patience", "save_every", "save_minutes")
+"""Settings that may differ when a run is resumed: its end and when it is saved."""
+
 
 @dataclass(frozen=True, kw_only=True)
-class Data:
-    """What is learned from, and what is validated on (None: nothing)."""
+class TrainingData:
+    """Pairs of a training run.
 
-    training: PairSet
-    validation: PairSet | None = None
+    Attributes:
+        training: Pairs to train on.
+        validation: Pairs to validate on; None for no validation.
+    """
+
+    training: PairDataset
+    validation: PairDataset | None = None
 
 
 def train(
     out: Path,
     model_settings: ModelSettings,
-    settings: TrainSettings,
-    data: Data,
+    config: TrainingConfig,
+    data: TrainingData,
     *,
-    start: Path | None = None,
+    init_weights: Path | None = None,
     resume: bool = False,
-    report: Report | None = None,
+    device: Device = "auto",
+    callback: LogCallback | None = None,
 ) -> KeypointModel:
-    """Train a model into the folder `out` and return it as it is at the end.
+    """Train a model.
 
-    start: weights to begin with, of any resolution; without, the seed draws them.
+    Args:
+        out: Folder of the run; it must be empty or new, unless the run is resumed.
+        model_settings: Settings of the model.
+        config: How to train it.
+        data: Pairs to train and to validate on.
+        init_weights: Weights to start from, of any resolution; without, they are drawn by the seed.
+        resume: Continue the run in `out`; with as many threads as before, to the same bytes.
+        device: Where to compute.
+        callback: Called with every entry of the log.
+
+    Returns:
+        The model as it is at the end, on the device.
 
     Raises:
-        DatasetError: `out` is not empty (or, to resume, holds no run with these settings), or `start` is no
-            model with the same heads.
-        ValueError: a loss or its gradient is not finite, which ends the run at its last checkpoint.
+        DatasetError: `out` is not empty (or, to resume, does not hold a run with these settings), or
+            `init_weights` is not a model with the same heads.
+        ValueError: A loss or its gradient is not finite, which ends the run at its last checkpoint; or there
+            is no such device.
     """
-    with joined_processes() as (rank, world):
-        run = _Run(out, model_settings, settings, data, start, rank=rank, world=world, report=report)
+    with joined_processes(resolve_device(device)) as process:
+        run = _Run(out, model_settings, config, data, init_weights, process=process, callback=callback)
         run.begin(resume=resume)
-        while run.progress.step < settings.steps and not run.is_out_of_patience:
+        while run.state.step < config.steps and not run.is_out_of_patience:
             run.advance()
         run.end()
         return run.model
+
+
+def recorded_threads(out: Path) -> int | None:
+    """Look up the number of threads of a run, on which the last digits of its weights depend.
+
+    Args:
+        out: Folder of the run.
+
+    Returns:
+        The number in its settings.json, None where there is no such file or number.
+    """
+    try:
+        threads = json.loads((out / SETTINGS_FILE).read_text())["threads"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return threads if isinstance(threads, int) else None
 
 
 class _Run:
@@ -89,192 +130,207 @@ class _Run:
         self,
         out: Path,
         model_settings: ModelSettings,
-        settings: TrainSettings,
-        data: Data,
-        start: Path | None,
+        config: TrainingConfig,
+        data: TrainingData,
+        init_weights: Path | None,
         *,
-        rank: int,
-        world: int,
-        report: Report | None,
+        process: Process,
+        callback: LogCallback | None,
     ) -> None:
-        self.out, self.settings, self.data = out, settings, data
-        self.rank, self.world = rank, world
-        self.log = TrainingLog(out, report) if rank == 0 else None
-        self.model = initial_model(model_settings, seed=settings.seed)
-        begun = None if start is None else begin_with(self.model, start)
-        told = {"model": asdict(model_settings), "train": asdict(settings), "processes": world}
-        held = [] if data.validation is None else data.validation.names
-        told |= {"data": data.training.names, "validation": held, "start": begun}
-        self.told = json.loads(json.dumps(told))
-        self.optimiser = torch.optim.Adam(self.model.parameters(), settings.learning_rate)
-        self.progress = Progress()
-        self.forward = DistributedDataParallel(self.model) if world > 1 else self.model
+        self.out, self.config, self.data, self.process = out, config, data, process
+        self.log = TrainingLog(out, callback) if process.rank == 0 else None
+        model = initial_model(model_settings, seed=config.seed)
+        initial = None if init_weights is None else load_initial_weights(model, init_weights)
+        self.settings = self._settings(model_settings, initial)
+        self.model = model.to(process.device)
+        self.optimiser = torch.optim.Adam(self.model.parameters(), config.learning_rate)
+        self.state = RunState()
+        self.forward = DistributedDataParallel(self.model) if process.world > 1 else self.model
+        self.matching = Matching(stride=config.match_stride, dtype=DTYPES[config.matching_dtype])
+        self.network_dtype = DTYPES[config.network_dtype]
         self.since = self.saved = time.monotonic()
-        self.chosen = (
+        self.validation_pairs = (
             []
             if data.validation is None
             else fixed_pairs(
-                data.validation,
-                settings.validate_pairs,
-                seed=settings.seed,
-                gap_power=settings.gap_power,
+                data.validation, config.validate_pairs, seed=config.seed, gap_power=config.gap_power
             )
         )
 
+    def _settings(self, model_settings: ModelSettings, initial: dict[str, Any] | None) -> dict[str, Any]:
+        """Return all that decides the result, as settings.json has it."""
+        validation = [] if self.data.validation is None else self.data.validation.names
+        settings = {
+            "model": asdict(model_settings),
+            "training": asdict(self.config),
+            "processes": self.process.world,
+            "data": self.data.training.names,
+            "validation": validation,
+            "init_weights": initial,
+            "device": self.process.device.type,
+            "threads": torch.get_num_threads(),
+        }
+        return json.loads(json.dumps(settings))
+
     @property
     def is_out_of_patience(self) -> bool:
-        """Whether so many validations were no better that training ends."""
-        waited = self.progress.step - self.progress.best_step
-        patience = self.settings.patience
-        return patience > 0 and bool(self.chosen) and waited >= patience * self.settings.validate_every
+        """Whether training ends because `patience` validations brought no improvement."""
+        waited = self.state.step - self.state.best_step
+        patience = self.config.patience
+        return (
+            patience > 0 and bool(self.validation_pairs) and waited >= patience * self.config.validate_every
+        )
 
     def begin(self, *, resume: bool) -> None:
-        """Make the folder, or take up what is in it."""
+        """Make the folder, or read the state of the run in it."""
         if resume:
-            self._take_up(read_checkpoint(self.out))
+            self._restore(read_checkpoint(self.out))
         else:
             check_output_folder(self.out, empty=True, hint="--resume continues a run that was stopped")
-        if self.world > 1:
+        if self.process.world > 1:
             distributed.barrier()
-        if self.rank == 0 and not resume:
+        if self.process.rank == 0 and not resume:
             self.out.mkdir(parents=True, exist_ok=True)
-            write_whole(self.out / SETTINGS_FILE, (json.dumps(self.told, indent=1) + "\n").encode())
+            self._write_settings()
             self._save()
         if self.log is not None:
-            self.log.begin(self.progress.step)
+            self.log.begin(self.state.step)
 
-    def _take_up(self, checkpoint: Checkpoint) -> None:
-        defaults = {"train": asdict(TrainSettings()), "model": asdict(ModelSettings())}
-        told = {**checkpoint.settings}
-        told |= {name: {**defaults[name], **told[name]} for name in defaults}  # of versions that had fewer
-        if _without_ends(told) != _without_ends(self.told):
+    def _restore(self, checkpoint: Checkpoint) -> None:
+        defaults = {"training": asdict(TrainingConfig()), "model": asdict(ModelSettings())}
+        settings = {**checkpoint.settings}
+        # Settings that the version of the run lacked have their defaults.
+        settings |= {name: {**defaults[name], **settings.get(name, {})} for name in defaults}
+        if _comparable(settings) != _comparable(self.settings):
             raise DatasetError(f"{self.out / FILE_NAME}: was made with other settings, see {SETTINGS_FILE}")
         self.model.load_state_dict(checkpoint.model)
         self.optimiser.load_state_dict(checkpoint.optimiser)
-        self.progress = checkpoint.progress
-        if self.rank == 0:
+        self.state = checkpoint.state
+        if self.process.rank == 0:
             remove_temporaries(self.out)
-            write_whole(self.out / SETTINGS_FILE, (json.dumps(self.told, indent=1) + "\n").encode())
+            self._write_settings()
 
     def advance(self) -> None:
-        """Make one step of Adam, and what is due after it."""
-        self.progress.recent.append(self._step())
-        self.progress.step += 1
-        step, settings = self.progress.step, self.settings
-        if step % settings.log_every == 0:
+        """Make one step of Adam, and log, validate and save where that is due."""
+        self.state.recent.append(self._step())
+        self.state.step += 1
+        step, config = self.state.step, self.config
+        if step % config.log_every == 0:
             self._log_recent()
-        if self.chosen and step % settings.validate_every == 0:
+        if self.validation_pairs and step % config.validate_every == 0:
             self._validate()
-        # Minutes count on one process only where no other waits for it to agree.
-        late = self.world == 1 and time.monotonic() - self.saved > 60 * settings.save_minutes
-        if self.rank == 0 and (step % settings.save_every == 0 or (late and step % settings.log_every == 0)):
+        # Minutes count in a single process only: several would have to agree on them.
+        overdue = self.process.world == 1 and time.monotonic() - self.saved > 60 * config.save_minutes
+        due = step % config.save_every == 0 or (overdue and step % config.log_every == 0)
+        if self.process.rank == 0 and due:
             self._save()
             self._draw()
 
     def _step(self) -> tuple[float, float, float]:
         """Return the mean loss and the mean errors [m], [rad] of one step."""
-        step, settings = self.progress.step, self.settings
-        rng = np.random.default_rng(np.random.SeedSequence([settings.seed, 0, step, self.rank]))
-        drawn = [
-            self.data.training.drawn(settings.turns, step, rng=rng, gap_power=settings.gap_power)
-            for _ in range(settings.pairs)
+        step, config = self.state.step, self.config
+        rng = np.random.default_rng(np.random.SeedSequence([config.seed, 0, step, self.process.rank]))
+        pairs = [
+            self.data.training.draw(config.augmentation, step, rng=rng, gap_power=config.gap_power)
+            for _ in range(config.pairs)
         ]
-        batch = self.data.training.batch(drawn)
+        batch = self.data.training.batch(pairs).to(self.process.device)
         self.forward.train()
         self.optimiser.zero_grad(set_to_none=True)
-        truth = batch.truth if settings.compensate else Truth(motion=batch.motion)
-        places = truth.places if settings.likelihood_weight > 0 else None
-        network = DTYPES[settings.network]
-        found = self.forward(batch.source, batch.destination, settings.matching, network, places)
+        truth = batch.truth if config.compensate else GroundTruth(motion=batch.motion)
+        true_places = truth.true_places if config.likelihood_weight > 0 else None
+        found = self.forward(batch.source, batch.destination, self.matching, self.network_dtype, true_places)
         matches = truth.to_mid_scan(found)
-        scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m if settings.robust_pose else None
+        scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m if config.robust_pose else None
         motion = matches.motion(robust_scale_m=scale_m)
         loss = self._loss(matches, motion, batch.motion)
         if not bool(loss.isfinite()):
-            raise ValueError(f"loss must be finite, got {float(loss.detach())} at step {step}; pairs {drawn}")
+            raise ValueError(f"loss must be finite, got {float(loss.detach())} at step {step}; pairs {pairs}")
         loss.backward()
-        norm = clip_grad_norm_(self.model.parameters(), settings.clip)
+        norm = clip_grad_norm_(self.model.parameters(), config.clip)
         if not bool(norm.isfinite()):
-            raise ValueError(f"gradients must be finite, got {float(norm)} at step {step}; pairs {drawn}")
+            raise ValueError(f"gradients must be finite, got {float(norm)} at step {step}; pairs {pairs}")
         for group in self.optimiser.param_groups:
-            group["lr"] = settings.rate(step)
+            group["lr"] = config.learning_rate_at(step)
         self.optimiser.step()
-        shift, turn = (each.detach() for each in pose_errors(motion, batch.motion))
-        return float(loss.detach()), float(shift.mean()), float(turn.mean())
+        off_m, off_rad = (each.detach() for each in pose_errors(motion, batch.motion))
+        return float(loss.detach()), float(off_m.mean()), float(off_rad.mean())
 
     def _loss(self, matches: Matches, motion: Motion, truth: Motion) -> Tensor:
-        """Return the loss of a step: of the motion, and of the matches as far as the settings ask for it."""
-        settings = self.settings
-        loss = pose_loss(motion, truth, alpha_m=settings.alpha_m)
-        if settings.match_weight > 0:
-            loss = loss + settings.match_weight * match_loss(matches, truth)
-        if settings.likelihood_weight > 0:
-            loss = loss + settings.likelihood_weight * likelihood_loss(matches)
-        if settings.score_weight > 0:
-            loss = loss + settings.score_weight * score_loss(matches, truth, scale_m=settings.score_scale_m)
+        """Return the loss of a step: that of the pose, and those of the matches that have a weight."""
+        config = self.config
+        loss = pose_loss(motion, truth, alpha_m=config.alpha_m)
+        if config.match_weight > 0:
+            loss = loss + config.match_weight * match_loss(matches, truth)
+        if config.likelihood_weight > 0:
+            loss = loss + config.likelihood_weight * likelihood_loss(matches)
+        if config.score_weight > 0:
+            loss = loss + config.score_weight * score_loss(matches, truth, scale_m=config.score_scale_m)
         return loss.mean()
 
     def _log_recent(self) -> None:
-        loss, shift, turn = np.mean(self.progress.recent, axis=0).tolist()
-        median = np.median(self.progress.recent, axis=0).tolist()
-        self._log({"loss_m": loss, "mean_m": shift, "mean_rad": turn, "median_m": median[1]})
-        self.progress.recent.clear()
+        loss_m, off_m, off_rad = np.mean(self.state.recent, axis=0).tolist()
+        median = np.median(self.state.recent, axis=0).tolist()
+        self._log({"loss_m": loss_m, "mean_m": off_m, "mean_rad": off_rad, "median_m": median[1]})
+        self.state.recent.clear()
 
     def _validate(self) -> None:
-        """Log the errors of the held-out pairs, and keep the model if it is the best."""
+        """Log the errors of the validation pairs, and keep the model if it is the best so far."""
         assert self.data.validation is not None
-        dtype = DTYPES[self.settings.network]
         errors = pair_errors(
             self.model,
             self.data.validation,
-            self.chosen,
-            self.settings.matching,
-            dtype,
-            compensate=self.settings.compensate,
+            self.validation_pairs,
+            self.matching,
+            self.network_dtype,
+            compensate=self.config.compensate,
         )
         self._log({"validation": asdict(errors)})
         loss_m = self._of_first_process(errors.loss_m)
-        if loss_m < self.progress.best_m:
-            self.progress.best_m, self.progress.best_step = loss_m, self.progress.step
+        if loss_m < self.state.best_m:
+            self.state.best_m, self.state.best_step = loss_m, self.state.step
             self._write_weights("best")
 
     def _of_first_process(self, value: float) -> float:
         """Return the first process's value, so that all end together: running means differ between them."""
-        if self.world == 1:
+        if self.process.world == 1:
             return value
-        told = torch.tensor([value], dtype=torch.float64)
-        distributed.broadcast(told, 0)
-        return float(told)
+        shared = torch.tensor([value], dtype=torch.float64, device=self.process.device)
+        distributed.broadcast(shared, 0)
+        return float(shared)
 
-    def _log(self, line: dict[str, Any]) -> None:
+    def _log(self, entry: dict[str, Any]) -> None:
         if self.log is not None:
-            self.log.add({"step": self.progress.step, **line})
+            self.log.add({"step": self.state.step, **entry})
+
+    def _write_settings(self) -> None:
+        write_whole(self.out / SETTINGS_FILE, (json.dumps(self.settings, indent=1) + "\n").encode())
 
     def _save(self) -> None:
         now = time.monotonic()
-        self.progress.seconds += now - self.since
+        self.state.seconds += now - self.since
         self.since = self.saved = now
         write_checkpoint(
             self.out,
             Checkpoint(
-                settings=self.told,
-                progress=self.progress,
+                settings=self.settings,
+                state=self.state,
                 model=self.model.state_dict(),
                 optimiser=self.optimiser.state_dict(),
             ),
         )
 
     def _write_weights(self, name: str) -> None:
-        if self.rank == 0:
-            record = {name: value for name, value in self.told.items() if name not in ("model", "train")}
-            record = {**self.told["train"], **record, "step": self.progress.step}
-            best = self.progress.best_m
+        if self.process.rank == 0:
+            others = {key: value for key, value in self.settings.items() if key not in ("model", "training")}
+            record = {**self.settings["training"], **others, "step": self.state.step}
+            best = self.state.best_m
             record["validation_loss_m"] = best if math.isfinite(best) else None
             write_weights(self.out / f"{name}.safetensors", self.model, record)
 
     def end(self) -> None:
-        """Write the last state, the weights and the plot."""
-        if self.rank == 0:
+        """Write the last state, the weights and the figure."""
+        if self.process.rank == 0:
             self._save()
             self._write_weights("last")
             if self.log is not None:
@@ -282,15 +338,17 @@ class _Run:
             self._draw()
 
     def _draw(self) -> None:
-        """Draw how the run went, and matches of a pair that is held out, or learned from for want of one."""
+        """Draw the log, and the matches of a validation pair, or of a training pair where there is none."""
         if not (self.out / LOG_FILE).is_file():
-            return  # nothing is known yet
+            return  # nothing is logged yet
         pairs = self.data.validation or self.data.training
-        pair = self.chosen[0] if self.chosen else fixed_pairs(pairs, 1, seed=self.settings.seed)[0]
+        pair = self.validation_pairs[0] if self.validation_pairs else None
+        pair = pair or fixed_pairs(pairs, 1, seed=self.config.seed)[0]
         draw_training(self.out / LOG_FILE, self.out / "loss.png", self.model, (pairs, pair))
 
 
-def _without_ends(told: dict[str, Any]) -> dict[str, Any]:
-    """Return settings without those that may change when a run is taken up: its end, when it is saved."""
-    free = ("steps", "patience", "save_every", "save_minutes")
-    return {**told, "train": {name: value for name, value in told["train"].items() if name not in free}}
+def _comparable(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings that must be the same when a run is resumed."""
+    training = {name: value for name, value in settings["training"].items() if name not in _MAY_CHANGE}
+    others = {name: value for name, value in settings.items() if name not in ("device", "threads")}
+    return {**others, "training": training}

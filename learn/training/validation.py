@@ -1,4 +1,4 @@
-"""How well a model does on pairs that it does not learn from: errors of pairs, as training logs them."""
+"""Errors of a model on pairs that it is not trained on, as the training log has them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from echoscape.learn.data.augmentation import TurnSettings
-from echoscape.learn.data.scan_pairs import Pair, PairSet
+from echoscape.learn.data.augmentation import AugmentationConfig
+from echoscape.learn.data.scan_pairs import Pair, PairDataset
 from echoscape.learn.geometry.procrustes import ROBUST_SCALE_PX
 from echoscape.learn.model.keypoint_model import KeypointModel, Matching
 from echoscape.learn.training.losses import pose_errors, pose_loss
@@ -15,7 +15,15 @@ from echoscape.learn.training.losses import pose_errors, pose_loss
 
 @dataclass(frozen=True, kw_only=True)
 class PairErrors:
-    """Errors over pairs: of translation [m] and rotation [rad], and the mean loss [m]."""
+    """Errors over pairs.
+
+    Attributes:
+        median_m: Median error of the translation [m].
+        mean_m: Mean error of the translation [m].
+        median_rad: Median error of the rotation [rad].
+        mean_rad: Mean error of the rotation [rad].
+        loss_m: Mean loss of the pose [m].
+    """
 
     median_m: float
     mean_m: float
@@ -25,49 +33,69 @@ class PairErrors:
 
 
 def fixed_pairs(
-    pairs: PairSet, count: int, *, seed: int, largest_rad: float = 0.0, gap_power: float = 0.0
+    pairs: PairDataset, count: int, *, seed: int, max_rotation_rad: float = 0.0, gap_power: float = 0.0
 ) -> list[Pair]:
-    """Return pairs drawn once and for all; largest_rad: of the source's turn, both headings at 0."""
-    turns = TurnSettings(common=False, largest_rad=largest_rad, first_step=0, full_step=1)
+    """Draw the pairs of all validations of a run.
+
+    Args:
+        pairs: Where to draw from.
+        count: Number of pairs.
+        seed: Seed of the draws.
+        max_rotation_rad: Largest rotation of the source's image against the destination's [rad].
+        gap_power: Pairs g scans apart are drawn in proportion to g^-gap_power.
+
+    Returns:
+        The pairs.
+    """
+    augmentation = AugmentationConfig(
+        shared_rotation=False, max_rotation_rad=max_rotation_rad, ramp_start_step=0, ramp_end_step=1
+    )
     stream = np.random.SeedSequence([seed, 1])
     draws = map(np.random.default_rng, stream.spawn(count))
-    return [pairs.drawn(turns, 1, rng=each, gap_power=gap_power) for each in draws]
+    return [pairs.draw(augmentation, 1, rng=each, gap_power=gap_power) for each in draws]
 
 
 @torch.no_grad()
 def pair_errors(
     model: KeypointModel,
-    pairs: PairSet,
+    pairs: PairDataset,
     chosen: Sequence[Pair],
     matching: Matching,
     dtype: torch.dtype,
     *,
     compensate: bool = False,
 ) -> PairErrors:
-    """Return the errors over the chosen pairs, solved robustly as inference does.
+    """Compute the errors of a model over pairs, their poses solved robustly as inference does.
 
-    compensate: move points to mid-scan first, by the true velocities.
+    Args:
+        model: The model, on any device; it is left in the mode in which it was.
+        pairs: Where the pairs are from.
+        chosen: The pairs.
+        matching: How matches are searched for.
+        dtype: Number format of the convolutions.
+        compensate: Whether to move points to mid-scan first, by the true velocities.
 
-    The model is in training mode afterwards if it was before.
+    Returns:
+        The errors.
     """
-    training = model.training
+    training, device = model.training, next(model.parameters()).device
     scale_m = ROBUST_SCALE_PX * model.settings.image.pixel_m
     model.eval()
     found = []
     for pair in chosen:
-        batch = pairs.batch([pair])
+        batch = pairs.batch([pair]).to(device)
         matches = model(batch.source, batch.destination, matching, dtype)
         if compensate:
             matches = batch.truth.to_mid_scan(matches)
         motion = matches.motion(robust_scale_m=scale_m)
-        shift, turn = pose_errors(motion, batch.motion)
-        found.append((float(shift), float(turn), float(pose_loss(motion, batch.motion))))
+        off_m, off_rad = pose_errors(motion, batch.motion)
+        found.append((float(off_m), float(off_rad), float(pose_loss(motion, batch.motion))))
     model.train(training)
-    shift_m, turn_rad, loss_m = np.array(found).T
+    translation_m, rotation_rad, loss_m = np.array(found).T
     return PairErrors(
-        median_m=float(np.median(shift_m)),
-        mean_m=float(shift_m.mean()),
-        median_rad=float(np.median(turn_rad)),
-        mean_rad=float(turn_rad.mean()),
+        median_m=float(np.median(translation_m)),
+        mean_m=float(translation_m.mean()),
+        median_rad=float(np.median(rotation_rad)),
+        mean_rad=float(rotation_rad.mean()),
         loss_m=float(loss_m.mean()),
     )

@@ -1,4 +1,4 @@
-"""What is known of training pairs: velocities of a drive, and points of rolling scans put right."""
+"""Ground truth of training pairs: velocities of a drive, and points of scans moved to mid-scan."""
 
 import math
 
@@ -8,7 +8,13 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.learn.data.ground_truth import DriveMotion, Roll, Truth, drive_motion, rolls
+from echoscape.learn.data.ground_truth import (
+    EgoMotion,
+    GroundTruth,
+    ScanDistortion,
+    ego_motion,
+    scan_distortions,
+)
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.se2 import to_motion, transform
 from echoscape.sim.datasets.scan_folder import open_folder
@@ -24,9 +30,9 @@ def points(count: int = 40) -> Tensor:
     return torch.stack([range_m * angle.cos(), range_m * angle.sin()], -1)[None]
 
 
-def roll(shown_at: SE2, velocity: tuple[float, float, float]) -> Roll:
-    drive = DriveMotion(velocities=np.array([velocity]), turn_s=TURN_S, doppler_beta_s=BETA_S)
-    return rolls([(drive, 0)], to_motion(shown_at))
+def distortion(scan_in_image: SE2, velocity: tuple[float, float, float]) -> ScanDistortion:
+    drive = EgoMotion(velocities=np.array([velocity]), scan_s=TURN_S, doppler_beta_s=BETA_S)
+    return scan_distortions([(drive, 0)], to_motion(scan_in_image))
 
 
 def seen(spot: tuple[float, float], velocity: tuple[float, float, float]) -> tuple[float, float]:
@@ -60,42 +66,44 @@ def seen(spot: tuple[float, float], velocity: tuple[float, float, float]) -> tup
 
 
 @pytest.mark.parametrize("velocity", [(9.0, 0.2, 0.3), (-2.0, 0.0, 0.0)])
-@pytest.mark.parametrize("shown_at", [IDENTITY, SE2(x_m=5.0, y_m=-3.0, yaw_rad=2.0)])
-def test_points_of_a_picture_are_put_where_they_are_at_mid_scan(
-    velocity: tuple[float, float, float], shown_at: SE2
+@pytest.mark.parametrize("scan_in_image", [IDENTITY, SE2(x_m=5.0, y_m=-3.0, yaw_rad=2.0)])
+def test_points_of_an_image_are_moved_to_where_they_are_at_mid_scan(
+    velocity: tuple[float, float, float], scan_in_image: SE2
 ) -> None:
     true = points()
-    pictured = torch.tensor([[seen((x, y), velocity) for x, y in true[0].tolist()]])
-    found = roll(shown_at, velocity).undone(transform(shown_at, pictured))
-    assert_allclose(found, transform(shown_at, true), atol=1e-3)
+    in_image = torch.tensor([[seen((x, y), velocity) for x, y in true[0].tolist()]])
+    found = distortion(scan_in_image, velocity).to_mid_scan(transform(scan_in_image, in_image))
+    assert_allclose(found, transform(scan_in_image, true), atol=1e-3)
 
 
-@pytest.mark.parametrize("shown_at", [IDENTITY, SE2(x_m=5.0, y_m=-3.0, yaw_rad=2.0)])
+@pytest.mark.parametrize("scan_in_image", [IDENTITY, SE2(x_m=5.0, y_m=-3.0, yaw_rad=2.0)])
 @pytest.mark.parametrize("velocity", [(9.0, 0.2, 0.3), (30.0, 0.0, 0.1)])
-def test_doing_is_the_inverse_of_undoing(shown_at: SE2, velocity: tuple[float, float, float]) -> None:
-    rolled, true = roll(shown_at, velocity), transform(shown_at, points())
-    assert float((rolled.done(true) - true).abs().max()) > 0.5
-    assert_allclose(rolled.undone(rolled.done(true)), true, atol=1e-3)
+def test_from_mid_scan_is_the_inverse_of_to_mid_scan(
+    scan_in_image: SE2, velocity: tuple[float, float, float]
+) -> None:
+    distorted, true = distortion(scan_in_image, velocity), transform(scan_in_image, points())
+    assert float((distorted.from_mid_scan(true) - true).abs().max()) > 0.5
+    assert_allclose(distorted.to_mid_scan(distorted.from_mid_scan(true)), true, atol=1e-3)
 
 
-def test_places_and_matches_agree_on_how_scans_rolled() -> None:
-    """What is matched with its true place is off by nothing once both are put to mid-scan."""
+def test_true_places_and_matches_agree_on_the_distortion() -> None:
+    """A match with its true place has no error once both points are moved to mid-scan."""
     motion = SE2(x_m=2.0, y_m=0.3, yaw_rad=0.2)
-    truth = Truth(
+    truth = GroundTruth(
         motion=to_motion(motion),
-        source=roll(SE2(x_m=1.0, y_m=0.5, yaw_rad=0.1), (9.0, 0.0, 0.2)),
-        destination=roll(IDENTITY, (8.0, 0.0, -0.1)),
+        source=distortion(SE2(x_m=1.0, y_m=0.5, yaw_rad=0.1), (9.0, 0.0, 0.2)),
+        destination=distortion(IDENTITY, (8.0, 0.0, -0.1)),
     )
     source = points()
-    matches = Matches(source_m=source, destination_m=truth.places(source), weights=torch.ones(1, 40))
+    matches = Matches(source_m=source, destination_m=truth.true_places(source), weights=torch.ones(1, 40))
     assert float(matches.errors_m(truth.motion).max()) > 0.1
     assert float(truth.to_mid_scan(matches).errors_m(truth.motion).max()) < 5e-3
-    still = Truth(motion=to_motion(motion))
-    assert_allclose(still.places(source), transform(motion, source))
+    still = GroundTruth(motion=to_motion(motion))
+    assert_allclose(still.true_places(source), transform(motion, source))
     assert still.to_mid_scan(matches) is matches
 
 
-def test_velocities_come_of_the_poses_around(tmp_path) -> None:
+def test_velocities_are_those_between_neighbouring_poses(tmp_path) -> None:
     """A car in a circle to the right: speed and yaw rate alike at all scans, the outermost included."""
     radius_m, step = 30.0, 0.05
     poses = [(radius_m * math.sin(step * i), radius_m * (1 - math.cos(step * i)), step * i) for i in range(6)]
@@ -103,24 +111,22 @@ def test_velocities_come_of_the_poses_around(tmp_path) -> None:
     world = folder.poses()
     assert world is not None
     gap_s = float(np.diff(folder.timestamps_us)[0]) / 1e6
-    found = drive_motion(folder, world)
-    assert found.turn_s == pytest.approx(1 / folder.sensor.rotation_hz)
+    found = ego_motion(folder, world)
+    assert found.scan_s == pytest.approx(1 / folder.sensor.rotation_hz)
     assert found.doppler_beta_s == pytest.approx(-folder.sensor.doppler_shift_s.mean())
     assert_allclose(found.velocities, [(radius_m * step / gap_s, 0.0, step / gap_s)] * 6, atol=1e-3)
     unknown = world.copy()
     unknown[1:3] = np.nan
-    rates = drive_motion(folder, unknown).velocities[:, 2]
+    rates = ego_motion(folder, unknown).velocities[:, 2]
     assert rates[0] == 0.0
     assert rates[3] == pytest.approx(step / gap_s, rel=1e-3)
 
 
-def test_each_scan_of_a_batch_has_its_own_velocity_and_turn() -> None:
-    fast = DriveMotion(
-        velocities=np.array([(0.0, 0.0, 0.0), (9.0, 0.0, 0.0)]), turn_s=0.2, doppler_beta_s=0.0
-    )
-    slow = DriveMotion(velocities=np.array([(1.0, 0.0, 0.0)]), turn_s=0.3, doppler_beta_s=0.1)
-    both = rolls([(fast, 1), (slow, 0)], to_motion([IDENTITY, IDENTITY]))
+def test_each_scan_of_a_batch_has_its_own_velocity_and_duration() -> None:
+    fast = EgoMotion(velocities=np.array([(0.0, 0.0, 0.0), (9.0, 0.0, 0.0)]), scan_s=0.2, doppler_beta_s=0.0)
+    slow = EgoMotion(velocities=np.array([(1.0, 0.0, 0.0)]), scan_s=0.3, doppler_beta_s=0.1)
+    both = scan_distortions([(fast, 1), (slow, 0)], to_motion([IDENTITY, IDENTITY]))
     assert both.twist.velocity_mps[:, 0].tolist() == [9.0, 1.0]
-    alone = rolls([(slow, 0)], to_motion(IDENTITY))
+    alone = scan_distortions([(slow, 0)], to_motion(IDENTITY))
     spots = points().expand(2, -1, -1)
-    assert_allclose(both.undone(spots)[1:], alone.undone(points()), atol=1e-6)
+    assert_allclose(both.to_mid_scan(spots)[1:], alone.to_mid_scan(points()), atol=1e-6)

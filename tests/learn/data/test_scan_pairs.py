@@ -1,4 +1,4 @@
-"""Pairs: motions as in gt/radar_odometry.csv, turns, draws that depend on nothing else."""
+"""Pairs: motions as in gt/radar_odometry.csv, augmentation, draws that depend on nothing else."""
 
 import math
 from pathlib import Path
@@ -10,9 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from echoscape.learn.data.augmentation import Turns, TurnSettings, drawn_turns, turned
+from echoscape.learn.data.augmentation import (
+    AugmentationConfig,
+    PairAugmentation,
+    augmented_motion,
+    draw_augmentation,
+)
 from echoscape.learn.data.image import ImageSettings
-from echoscape.learn.data.scan_pairs import Pair, PairSet
+from echoscape.learn.data.scan_pairs import Pair, PairDataset
 from echoscape.learn.model.pixel_coords import pixels_of_metres
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.se2 import SE2
@@ -28,8 +33,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def pairs(folder: Path) -> PairSet:
-    return PairSet([folder], IMAGE)
+def pairs(folder: Path) -> PairDataset:
+    return PairDataset([folder], IMAGE)
 
 
 def _seen_from(pose: tuple[float, float, float]) -> np.ndarray:
@@ -39,28 +44,30 @@ def _seen_from(pose: tuple[float, float, float]) -> np.ndarray:
     return away @ np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
 
 
-def _brightness(picture: torch.Tensor, points_m: np.ndarray) -> tuple[float, float]:
-    """Mean of a picture at those points that are 10 to 50 m away, and over all of it."""
+def _brightness(image: torch.Tensor, points_m: np.ndarray) -> tuple[float, float]:
+    """Mean of a image at those points that are 10 to 50 m away, and over all of it."""
     near = points_m[(np.hypot(*points_m.T) > 10) & (np.hypot(*points_m.T) < 50)]
     place = pixels_of_metres(torch.from_numpy(near), size=IMAGE.size, pixel_m=IMAGE.pixel_m).round().long()
-    return float(picture[0, place[:, 0], place[:, 1]].mean()), float(picture.mean())
+    return float(image[0, place[:, 0], place[:, 1]].mean()), float(image.mean())
 
 
 @pytest.mark.parametrize(
-    "turns",
+    "augmentation",
     [
-        Turns(),
-        Turns(source_rad=2.5, destination_rad=-1.0),
-        Turns(source_rad=0.4, destination_rad=0.9, shift_m=(5.0, -8.0)),
+        PairAugmentation(),
+        PairAugmentation(source_rotation_rad=2.5, destination_rotation_rad=-1.0),
+        PairAugmentation(source_rotation_rad=0.4, destination_rotation_rad=0.9, source_shift_m=(5.0, -8.0)),
     ],
 )
 @pytest.mark.parametrize(("source", "destination"), [(3, 0), (0, 3), (1, 2)])
 def test_the_motion_takes_what_the_source_sees_to_where_the_destination_sees_it(
-    pairs: PairSet, source: int, destination: int, turns: Turns
+    pairs: PairDataset, source: int, destination: int, augmentation: PairAugmentation
 ) -> None:
-    batch = pairs.batch([Pair(drive=0, source=source, destination=destination, turns=turns)])
-    cosine, sine = math.cos(turns.source_rad), math.sin(turns.source_rad)
-    seen = _seen_from(POSES[source]) @ np.array([[cosine, sine], [-sine, cosine]]) + turns.shift_m
+    batch = pairs.batch([Pair(drive=0, source=source, destination=destination, augmentation=augmentation)])
+    cosine, sine = math.cos(augmentation.source_rotation_rad), math.sin(augmentation.source_rotation_rad)
+    seen = (
+        _seen_from(POSES[source]) @ np.array([[cosine, sine], [-sine, cosine]]) + augmentation.source_shift_m
+    )
     bright, mean = _brightness(batch.source[0], seen)
     assert bright > 5 * mean
     moved = seen @ batch.motion.rotation[0].numpy().T + batch.motion.translation_m[0].numpy()
@@ -68,7 +75,7 @@ def test_the_motion_takes_what_the_source_sees_to_where_the_destination_sees_it(
     assert bright > 5 * mean
 
 
-def test_a_later_source_is_ahead_and_a_right_turn_is_positive(pairs: PairSet) -> None:
+def test_a_later_source_is_ahead_and_a_right_turn_is_positive(pairs: PairDataset) -> None:
     motion = pairs.batch([Pair(drive=0, source=2, destination=1)]).motion
     x, y, yaw = motion_between(POSES[1], POSES[2])
     assert_allclose(motion.translation_m[0], [x, y], atol=1e-5)
@@ -85,7 +92,7 @@ def test_a_later_source_is_ahead_and_a_right_turn_is_positive(pairs: PairSet) ->
     st.tuples(st.floats(-9, 9), st.floats(-9, 9)),
 )
 @settings(deadline=None)
-def test_turning_and_shifting_pictures_changes_the_motion_exactly(
+def test_rotating_and_shifting_images_changes_the_motion_exactly(
     yaw: float,
     shift: tuple[float, float],
     source: float,
@@ -93,11 +100,13 @@ def test_turning_and_shifting_pictures_changes_the_motion_exactly(
     source_shift: tuple[float, float],
 ) -> None:
     x, y = shift
-    found = turned(
+    found = augmented_motion(
         SE2(x_m=x, y_m=y, yaw_rad=yaw),
-        Turns(source_rad=source, destination_rad=destination, shift_m=source_shift),
+        PairAugmentation(
+            source_rotation_rad=source, destination_rotation_rad=destination, source_shift_m=source_shift
+        ),
     )
-    point = complex(4.0, -2.0)  # forward + i right: clockwise turns are products with exp(i angle)
+    point = complex(4.0, -2.0)  # forward + i right: clockwise rotations are products with exp(i angle)
     seen_before = point * np.exp(1j * yaw) + complex(x, y)
     shown = point * np.exp(1j * source) + complex(*source_shift)
     seen = shown * np.exp(1j * found.yaw_rad) + complex(found.x_m, found.y_m)
@@ -105,47 +114,51 @@ def test_turning_and_shifting_pictures_changes_the_motion_exactly(
     assert abs(found.yaw_rad) <= math.pi
 
 
-def test_relative_turns_grow_from_none_to_any() -> None:
-    turns = TurnSettings(common=False, first_step=10, full_step=20)
+def test_relative_rotations_grow_from_none_to_any() -> None:
+    augmentation = AugmentationConfig(shared_rotation=False, ramp_start_step=10, ramp_end_step=20)
     rng = np.random.default_rng(1)
     widest = [
-        max(abs(drawn_turns(turns, step, rng=rng).source_rad) for _ in range(400)) for step in (10, 15, 30)
+        max(abs(draw_augmentation(augmentation, step, rng=rng).source_rotation_rad) for _ in range(400))
+        for step in (10, 15, 30)
     ]
     assert widest[0] == 0
     assert_allclose(widest[1:], [math.pi / 2, math.pi], rtol=0.02)
-    assert drawn_turns(turns, 30, rng=rng).destination_rad == 0
+    assert draw_augmentation(augmentation, 30, rng=rng).destination_rotation_rad == 0
 
 
 def test_shifts_are_uniform_up_to_the_largest() -> None:
-    turns, rng = TurnSettings(common=False, largest_shift_m=6.0), np.random.default_rng(1)
-    drawn = np.array([drawn_turns(turns, 0, rng=rng).shift_m for _ in range(4000)])
+    augmentation, rng = AugmentationConfig(shared_rotation=False, max_shift_m=6.0), np.random.default_rng(1)
+    drawn = np.array([draw_augmentation(augmentation, 0, rng=rng).source_shift_m for _ in range(4000)])
     assert_allclose(np.abs(drawn).max(axis=0), [6, 6], rtol=0.01)
     assert_allclose(drawn.std(axis=0), [6 / math.sqrt(3)] * 2, rtol=0.05)
     assert abs(np.corrcoef(drawn.T)[0, 1]) < 0.05
-    assert drawn_turns(TurnSettings(), 0, rng=rng).shift_m == (0.0, 0.0)
-    with pytest.raises(ValueError, match="largest_shift_m must"):
-        TurnSettings(largest_shift_m=-1.0)
+    assert draw_augmentation(AugmentationConfig(), 0, rng=rng).source_shift_m == (0.0, 0.0)
+    with pytest.raises(ValueError, match="max_shift_m must"):
+        AugmentationConfig(max_shift_m=-1.0)
 
 
-def test_rolls_are_those_of_each_scan_where_its_picture_shows_it(pairs: PairSet) -> None:
-    turns = Turns(source_rad=0.4, destination_rad=0.9, shift_m=(5.0, -8.0))
-    truth = pairs.batch([Pair(drive=0, source=3, destination=1, turns=turns)]).truth
+def test_distortions_are_those_of_each_scan_at_its_pose_in_the_image(pairs: PairDataset) -> None:
+    augmentation = PairAugmentation(
+        source_rotation_rad=0.4, destination_rotation_rad=0.9, source_shift_m=(5.0, -8.0)
+    )
+    truth = pairs.batch([Pair(drive=0, source=3, destination=1, augmentation=augmentation)]).truth
     velocities = pairs.drives[0].motion.velocities
     assert truth.source is not None
     assert truth.destination is not None
     assert_allclose(truth.source.twist.velocity_mps[0], velocities[3, :2], rtol=1e-6)
     assert_allclose(truth.destination.twist.yaw_rate_rps, velocities[1, 2:], rtol=1e-6)
-    assert_allclose(truth.source.shown_at.translation_m[0], [5.0, -8.0])
+    assert_allclose(truth.source.scan_in_image.translation_m[0], [5.0, -8.0])
     assert_allclose(
-        [float(truth.source.shown_at.yaw_rad), float(truth.destination.shown_at.yaw_rad)], [0.4, 0.9]
+        [float(truth.source.scan_in_image.yaw_rad), float(truth.destination.scan_in_image.yaw_rad)],
+        [0.4, 0.9],
     )
-    assert_allclose(truth.destination.shown_at.translation_m[0], [0.0, 0.0])
+    assert_allclose(truth.destination.scan_in_image.translation_m[0], [0.0, 0.0])
 
 
-def test_draws_depend_on_the_generator_alone_and_have_both_orders_and_all_gaps(pairs: PairSet) -> None:
+def test_draws_depend_on_the_generator_alone_and_have_both_orders_and_all_gaps(pairs: PairDataset) -> None:
     def drawn(seed: int) -> list[Pair]:
         rng = np.random.default_rng(seed)
-        return [pairs.drawn(TurnSettings(), 5, rng=rng) for _ in range(60)]
+        return [pairs.draw(AugmentationConfig(), 5, rng=rng) for _ in range(60)]
 
     assert drawn(1) == drawn(1)
     assert drawn(1) != drawn(2)
@@ -156,30 +169,30 @@ def test_draws_depend_on_the_generator_alone_and_have_both_orders_and_all_gaps(p
     ("power", "expected"), [(0.0, [1 / 3, 1 / 3, 1 / 3]), (1.0, [6 / 11, 3 / 11, 2 / 11])]
 )
 def test_gaps_are_drawn_in_proportion_to_their_power(
-    pairs: PairSet, power: float, expected: list[float]
+    pairs: PairDataset, power: float, expected: list[float]
 ) -> None:
     rng = np.random.default_rng(3)
-    drawn = [pairs.drawn(TurnSettings(), 5, rng=rng, gap_power=power) for _ in range(3000)]
+    drawn = [pairs.draw(AugmentationConfig(), 5, rng=rng, gap_power=power) for _ in range(3000)]
     gaps = np.abs([pair.source - pair.destination for pair in drawn])
     assert_allclose([np.mean(gaps == gap) for gap in (1, 2, 3)], expected, atol=0.04)
 
 
 def test_a_cache_is_made_once_and_not_taken_for_another_resolution(folder: Path, tmp_path: Path) -> None:
-    one = PairSet([folder], IMAGE, cache=tmp_path)
+    one = PairDataset([folder], IMAGE, cache=tmp_path)
     files = sorted(tmp_path.iterdir())
     before = files[0].stat().st_mtime_ns
-    again = PairSet([folder], IMAGE, cache=tmp_path)
+    again = PairDataset([folder], IMAGE, cache=tmp_path)
     assert sorted(tmp_path.iterdir()) == files
     assert files[0].stat().st_mtime_ns == before
     assert (one.drives[0].cells == again.drives[0].cells).all()
-    PairSet([folder], ImageSettings(pixel_m=0.3456, size=160), cache=tmp_path)
+    PairDataset([folder], ImageSettings(pixel_m=0.3456, size=160), cache=tmp_path)
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_folders_without_poses_are_refused(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "bare", POSES[:2])
     (folder / "gt" / "radar_odometry.csv").unlink()
-    with pytest.raises(DatasetError, match="bare: tells no poses"):
-        PairSet([folder], IMAGE)
+    with pytest.raises(DatasetError, match="bare: has no poses"):
+        PairDataset([folder], IMAGE)
     with pytest.raises(DatasetError, match="data must name"):
-        PairSet([], IMAGE)
+        PairDataset([], IMAGE)

@@ -12,22 +12,22 @@ import torch
 from torch import Tensor
 
 from echoscape.cli.train import main
-from echoscape.learn.data.augmentation import TurnSettings
+from echoscape.learn.data.augmentation import AugmentationConfig
 from echoscape.learn.data.image import ImageSettings
-from echoscape.learn.data.scan_pairs import PairSet
+from echoscape.learn.data.scan_pairs import PairDataset
 from echoscape.learn.geometry.procrustes import Motion
 from echoscape.learn.model.keypoint_model import Matching, ModelSettings
 from echoscape.learn.model.weights import read_weights
 from echoscape.learn.training.checkpoint import initial_model
-from echoscape.learn.training.config import TrainSettings
+from echoscape.learn.training.config import TrainingConfig
 from echoscape.learn.training.logger import TrainingLog
-from echoscape.learn.training.trainer import Data, train
+from echoscape.learn.training.trainer import TrainingData, train
 from echoscape.learn.training.validation import fixed_pairs, pair_errors
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from tests.learn.folders import write_folder
 
 MODEL = ModelSettings(image=ImageSettings(pixel_m=1.3824, size=80))
-SHORT = TrainSettings(steps=5, validate_every=2, validate_pairs=2, log_every=2, save_every=3)
+SHORT = TrainingConfig(steps=5, validate_every=2, validate_pairs=2, log_every=2, save_every=3)
 POSES = [(1.5 * i, 0.0, 0.05 * i) for i in range(6)]
 
 
@@ -37,19 +37,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def data(folder: Path) -> Data:
-    pairs = PairSet([folder], MODEL.image)
-    return Data(training=pairs, validation=pairs)
+def data(folder: Path) -> TrainingData:
+    pairs = PairDataset([folder], MODEL.image)
+    return TrainingData(training=pairs, validation=pairs)
 
 
-def test_a_run_that_was_stopped_goes_on_to_the_same_bytes(data: Data, tmp_path: Path) -> None:
+def test_a_resumed_run_gives_the_same_bytes(data: TrainingData, tmp_path: Path) -> None:
     def stop(line: dict[str, Any]) -> None:
         if line["step"] == 4:
             raise KeyboardInterrupt
 
     train(tmp_path / "whole", MODEL, SHORT, data)
     with pytest.raises(KeyboardInterrupt):
-        train(tmp_path / "stopped", MODEL, SHORT, data, report=stop)
+        train(tmp_path / "stopped", MODEL, SHORT, data, callback=stop)
     train(tmp_path / "stopped", MODEL, SHORT, data, resume=True)
     for name in ("last.safetensors", "best.safetensors", "log.jsonl", "settings.json"):
         assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
@@ -61,7 +61,7 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_bytes(data: Data, tmp_path: 
     assert [line["step"] for line in lines] == [2, 2, 4, 4]
 
 
-def test_weights_carry_their_settings_and_their_training(data: Data, tmp_path: Path) -> None:
+def test_weights_carry_their_settings_and_their_training(data: TrainingData, tmp_path: Path) -> None:
     model = train(tmp_path / "run", MODEL, SHORT, data)
     read, record = read_weights(tmp_path / "run" / "last.safetensors")
     assert read.settings == MODEL
@@ -79,18 +79,18 @@ def test_damaged_weights_are_refused_by_name(tmp_path: Path) -> None:
         read_weights(tmp_path / "absent.safetensors")
 
 
-def test_a_folder_in_use_or_other_settings_are_refused(data: Data, tmp_path: Path) -> None:
-    train(tmp_path / "run", MODEL, TrainSettings(steps=1), data)
+def test_a_folder_in_use_or_other_settings_are_refused(data: TrainingData, tmp_path: Path) -> None:
+    train(tmp_path / "run", MODEL, TrainingConfig(steps=1), data)
     with pytest.raises(DatasetError, match="OUT must be empty or new"):
-        train(tmp_path / "run", MODEL, TrainSettings(steps=1), data)
+        train(tmp_path / "run", MODEL, TrainingConfig(steps=1), data)
     with pytest.raises(DatasetError, match="other settings"):
-        train(tmp_path / "run", MODEL, TrainSettings(steps=2, seed=1), data, resume=True)
+        train(tmp_path / "run", MODEL, TrainingConfig(steps=2, seed=1), data, resume=True)
     with pytest.raises(DatasetError, match="cannot be read"):
         train(tmp_path / "empty", MODEL, SHORT, data, resume=True)
 
 
-def test_training_ends_when_patience_does(data: Data, tmp_path: Path) -> None:
-    settings = TrainSettings(
+def test_training_ends_when_patience_does(data: TrainingData, tmp_path: Path) -> None:
+    settings = TrainingConfig(
         steps=40, validate_every=1, validate_pairs=1, patience=2, learning_rate=1e-30, log_every=50
     )
     train(tmp_path / "run", MODEL, settings, data)
@@ -98,29 +98,43 @@ def test_training_ends_when_patience_does(data: Data, tmp_path: Path) -> None:
     assert len(lines) < 40
 
 
-def test_weights_of_another_resolution_are_gone_on_from(data: Data, folder: Path, tmp_path: Path) -> None:
+def test_training_starts_from_weights_of_another_resolution(
+    data: TrainingData, folder: Path, tmp_path: Path
+) -> None:
     first = train(tmp_path / "coarse", MODEL, SHORT, data)
     fine = ModelSettings(image=ImageSettings(pixel_m=0.6912, size=160))
-    still = TrainSettings(steps=1, learning_rate=1e-30)
+    still = TrainingConfig(steps=1, learning_rate=1e-30)
     start = tmp_path / "coarse" / "last.safetensors"
-    second = train(tmp_path / "fine", fine, still, Data(training=PairSet([folder], fine.image)), start=start)
+    second = train(
+        tmp_path / "fine",
+        fine,
+        still,
+        TrainingData(training=PairDataset([folder], fine.image)),
+        init_weights=start,
+    )
     for before, after in zip(first.parameters(), second.parameters(), strict=True):
         assert torch.equal(before, after)
     _, record = read_weights(tmp_path / "fine" / "last.safetensors")
-    assert (record["start"]["step"], record["start"]["image"]["pixel_m"]) == (5, 1.3824)
+    assert (record["init_weights"]["step"], record["init_weights"]["image"]["pixel_m"]) == (5, 1.3824)
     assert record["data"] == ["drive"]
     headless = ModelSettings(image=fine.image, score_head=False)
     with pytest.raises(DatasetError, match=r"last\.safetensors: has other heads"):
-        train(tmp_path / "other", headless, still, Data(training=PairSet([folder], fine.image)), start=start)
+        train(
+            tmp_path / "other",
+            headless,
+            still,
+            TrainingData(training=PairDataset([folder], fine.image)),
+            init_weights=start,
+        )
 
 
 def test_the_learning_rate_is_held_and_then_halved() -> None:
-    settings = TrainSettings(learning_rate=4e-3, hold_steps=100, halve_steps=50)
-    assert [settings.rate(step) for step in (0, 100, 150, 200)] == [4e-3, 4e-3, 2e-3, 1e-3]
-    assert TrainSettings().rate(10**6) == 1e-3
+    settings = TrainingConfig(learning_rate=4e-3, lr_hold_steps=100, lr_half_life=50)
+    assert [settings.learning_rate_at(step) for step in (0, 100, 150, 200)] == [4e-3, 4e-3, 2e-3, 1e-3]
+    assert TrainingConfig().learning_rate_at(10**6) == 1e-3
 
 
-def test_lines_go_to_tensorboard_where_it_is_installed(
+def test_entries_go_to_tensorboard_where_it_is_installed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[tuple[str, float, int]] = []
@@ -145,7 +159,7 @@ def test_lines_go_to_tensorboard_where_it_is_installed(
     assert told == [("training/loss_m", 2.0, 8), ("validation/mean_m", 3.0, 8), ("closed", 0.0, 0)]
 
 
-def test_without_tensorboard_the_log_is_lines_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_tensorboard_the_log_is_a_file_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
     log = TrainingLog(tmp_path)
     log.begin(0)
@@ -158,14 +172,14 @@ def test_without_tensorboard_the_log_is_lines_alone(tmp_path: Path, monkeypatch:
 @pytest.mark.parametrize(
     "name", ["match_weight", "likelihood_weight", "score_weight", "robust_pose", "compensate"]
 )
-def test_losses_of_matches_change_what_is_learned(data: Data, tmp_path: Path, name: str) -> None:
-    two = TrainSettings(steps=2)
+def test_each_loss_changes_the_weights(data: TrainingData, tmp_path: Path, name: str) -> None:
+    two = TrainingConfig(steps=2)
     plain = train(tmp_path / "plain", MODEL, two, data)
-    told = train(tmp_path / "told", MODEL, TrainSettings(steps=2, **{name: 1.0}), data)  # type: ignore[arg-type]
+    told = train(tmp_path / "told", MODEL, TrainingConfig(steps=2, **{name: 1.0}), data)  # type: ignore[arg-type]
     assert any(not torch.equal(a, b) for a, b in zip(plain.parameters(), told.parameters(), strict=True))
 
 
-def test_validation_moves_points_to_mid_scan_as_training_does(data: Data) -> None:
+def test_validation_moves_points_to_mid_scan_as_training_does(data: TrainingData) -> None:
     chosen, model = fixed_pairs(data.training, 4, seed=1), initial_model(MODEL, seed=0)
     found = [
         pair_errors(model, data.training, chosen, Matching(), torch.float32, compensate=each).mean_m
@@ -174,37 +188,39 @@ def test_validation_moves_points_to_mid_scan_as_training_does(data: Data) -> Non
     assert found[0] != found[1]
 
 
-def test_a_run_of_a_version_with_fewer_settings_goes_on(data: Data, tmp_path: Path) -> None:
+def test_a_run_of_a_version_with_fewer_settings_is_resumed(data: TrainingData, tmp_path: Path) -> None:
     train(tmp_path / "run", MODEL, replace(SHORT, steps=2), data)
     held = torch.load(tmp_path / "run" / "checkpoint.pt", weights_only=True)
-    del held["settings"]["train"]["compensate"]
+    del held["settings"]["training"]["compensate"]
     torch.save(held, tmp_path / "run" / "checkpoint.pt")
     train(tmp_path / "run", MODEL, SHORT, data, resume=True)
     assert read_weights(tmp_path / "run" / "last.safetensors")[1]["step"] == 5
 
 
-def test_gradients_are_clipped_and_the_rate_falls(data: Data, tmp_path: Path) -> None:
+def test_gradients_are_clipped_and_the_rate_falls(data: TrainingData, tmp_path: Path) -> None:
     """Adam's first step is the rate in every weight that has a slope, unless that is tiny."""
     begun = initial_model(MODEL, seed=0)
 
     def moved(name: str, **settings: Any) -> float:
-        trained = train(tmp_path / name, MODEL, TrainSettings(steps=1, **settings), data)
+        trained = train(tmp_path / name, MODEL, TrainingConfig(steps=1, **settings), data)
         pairs = zip(trained.parameters(), begun.parameters(), strict=True)
         return max(float((one - other).detach().abs().max()) for one, other in pairs)
 
     assert moved("plain") == pytest.approx(1e-3, rel=0.01)
-    assert moved("fallen", learning_rate=1e-2, hold_steps=0, halve_steps=1) == pytest.approx(1e-2, rel=0.01)
+    assert moved("fallen", learning_rate=1e-2, lr_hold_steps=0, lr_half_life=1) == pytest.approx(
+        1e-2, rel=0.01
+    )
     # Shortened to 1e-9, slopes are below Adam's epsilon of 1e-8, and steps are shorter than the rate.
     assert moved("clipped", clip=1e-9) < 2e-4
-    two = TrainSettings(steps=2, learning_rate=1e-2, halve_steps=1)
+    two = TrainingConfig(steps=2, learning_rate=1e-2, lr_half_life=1)
     slow = train(tmp_path / "two", MODEL, two, data)
-    first = train(tmp_path / "one", MODEL, TrainSettings(steps=1, learning_rate=1e-2, halve_steps=1), data)
+    first = train(tmp_path / "one", MODEL, TrainingConfig(steps=1, learning_rate=1e-2, lr_half_life=1), data)
     last = [(a - b).detach().abs().max() for a, b in zip(slow.parameters(), first.parameters(), strict=True)]
     assert float(max(last)) < 0.6e-2  # half the rate, and never more than Adam's bound for a second step
 
 
-def test_gradients_that_are_none_end_the_run(
-    data: Data, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_gradients_that_are_not_finite_end_the_run(
+    data: TrainingData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(estimate: Motion, truth: Motion, *, alpha_m: float) -> Tensor:
         return (estimate.translation_m.sum(-1) * 0).sqrt()  # 0, with a slope of infinity times 0
@@ -214,8 +230,8 @@ def test_gradients_that_are_none_end_the_run(
         train(tmp_path / "run", MODEL, SHORT, data)
 
 
-def test_validation_draws_gaps_as_it_is_told(folder: Path) -> None:
-    pairs = PairSet([folder], MODEL.image)
+def test_validation_draws_gaps_by_their_power(folder: Path) -> None:
+    pairs = PairDataset([folder], MODEL.image)
     near = [abs(pair.source - pair.destination) for pair in fixed_pairs(pairs, 40, seed=1, gap_power=9.0)]
     assert near.count(1) >= 38
     far = [abs(pair.source - pair.destination) for pair in fixed_pairs(pairs, 40, seed=1)]
@@ -231,17 +247,17 @@ def test_the_command_passes_the_model_its_settings(folder: Path, tmp_path: Path)
     assert settings == ModelSettings(image=image, temperature=55.0, location_head=False, score_head=False)
 
 
-def test_folders_that_are_learned_from_cannot_validate(
+def test_folders_of_the_training_data_cannot_validate(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     both = ["--data", str(folder), "--validate", str(folder)]
     assert main([*both, "--out", str(tmp_path / "run"), "--resolution", "1.3824", "--size", "80"]) == 2
-    assert "not learned from" in capsys.readouterr().err
+    assert "other folders than data" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize("cut", ["", '{"step": 4, "lo'])
-def test_a_log_whose_last_line_was_cut_short_goes_on(tmp_path: Path, cut: str) -> None:
+def test_a_log_whose_last_line_was_cut_short_is_continued(tmp_path: Path, cut: str) -> None:
     (tmp_path / "log.jsonl").write_text('{"step": 2, "loss_m": 1.0}\n' + cut)
     log = TrainingLog(tmp_path)
     log.begin(9)
@@ -256,13 +272,15 @@ def test_a_log_whose_last_line_was_cut_short_goes_on(tmp_path: Path, cut: str) -
 def test_a_few_hundred_steps_bring_the_error_down_by_half(tmp_path: Path) -> None:
     poses = [(2.0 * i, 0.03 * i * i, 0.03 * i) for i in range(16)]
     folder = write_folder(tmp_path / "drive", poses)
-    pairs = PairSet([folder], ImageSettings(pixel_m=1.3824, size=160))
-    settings = TrainSettings(steps=300, validate_every=299, turns=TurnSettings(largest_rad=0.0), log_every=50)
+    pairs = PairDataset([folder], ImageSettings(pixel_m=1.3824, size=160))
+    settings = TrainingConfig(
+        steps=300, validate_every=299, augmentation=AugmentationConfig(max_rotation_rad=0.0), log_every=50
+    )
     train(
         tmp_path / "run",
         ModelSettings(image=ImageSettings(pixel_m=1.3824, size=160)),
         settings,
-        Data(training=pairs),
+        TrainingData(training=pairs),
     )
     lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
     assert lines[-1]["median_m"] < 0.5 * lines[0]["median_m"]
@@ -274,10 +292,10 @@ def test_a_few_hundred_steps_bring_the_error_down_by_half(tmp_path: Path) -> Non
         (["--size", "101"], "size must be even"),
         (["--steps", "0"], "steps must be 1 or more"),
         (["--threads", "0"], "threads must be 1 or more"),
-        (["--turns.largest-rad", "9"], "largest_rad must be"),
+        (["--augmentation.max-rotation-rad", "9"], "max_rotation_rad must be"),
     ],
 )
-def test_arguments_that_make_no_run_are_told_in_a_line(
+def test_bad_arguments_are_refused_in_one_line(
     arguments: list[str], told: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["--data", str(folder), "--out", str(tmp_path / "run"), *arguments]) == 2
