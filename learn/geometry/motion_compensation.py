@@ -16,6 +16,7 @@ from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.pose_refinement import turned_precision
 from echoscape.learn.geometry.procrustes import Motion, moved
 from echoscape.learn.geometry.se2 import relative
+from echoscape.sim.datasets import motion_compensation, se2
 
 _ROUNDS = 3
 
@@ -55,38 +56,40 @@ class Twist:
 
 
 def twist_between(motion: Motion, gap_s: float) -> Twist:
-    """Return the steady velocities that lead to a motion in `gap_s`: its logarithm over the time.
+    """Compute the constant velocities that lead to motions: their logarithms over the time.
 
-    With yaw a, t = V(a) v gap_s where V = [[sin a, cos a - 1], [1 - cos a, sin a]] / a.
+    Args:
+        motion: B motions.
+        gap_s: Time that they take [s].
+
+    Returns:
+        The velocities of the B cars.
     """
-    yaw = motion.yaw_rad
-    half = yaw / 2
-    small = half.abs() < 1e-4
-    safe = torch.where(small, torch.ones_like(half), half)
-    along = torch.where(small, 1 - half**2 / 3, safe / torch.tan(safe))  # half the inverse of V
-    forward, right = motion.translation_m.unbind(-1)
-    velocity = torch.stack([along * forward + half * right, along * right - half * forward], -1)
-    return Twist(velocity_mps=velocity / gap_s, yaw_rate_rps=yaw / gap_s)
+    poses = torch.cat([motion.translation_m, motion.yaw_rad[:, None]], -1)
+    twist = se2.log(poses, xp=torch) / gap_s
+    return Twist(velocity_mps=twist[:, :2], yaw_rate_rps=twist[:, 2])
 
 
 def to_mid_scan(
     points_m: Tensor, twist: Twist, *, turn_s: float | Tensor, doppler_beta_s: float | Tensor
 ) -> Tensor:
-    """Return points (B, N, 2) forward, right [m], each seen as the beam met it, in the frame of mid-scan.
+    """Undo the motion distortion and the Doppler shift of points (`sim.datasets.motion_compensation`).
 
-    turn_s, doppler_beta_s: as in `ScanMotionModel`, of all scans or (B,).
+    Args:
+        points_m: Measured points (B, N, 2): forward, right [m].
+        twist: Velocities of the B cars.
+        turn_s: Duration of a revolution, of all scans or (B,) [s].
+        doppler_beta_s: Range by which an approaching point appears too near, by its closing speed, of all
+            scans or (B,) [m per m/s].
+
+    Returns:
+        The points (B, N, 2) in the frames of mid-scan [m].
     """
-    turn_s, doppler_beta_s = (torch.as_tensor(each).reshape(-1, 1) for each in (turn_s, doppler_beta_s))
-    range_m = torch.linalg.vector_norm(points_m, dim=-1, keepdim=True)
-    beam = points_m / range_m.clamp(min=1e-6)
-    closing_mps = (beam * twist.velocity_mps[:, None]).sum(-1, keepdim=True)
-    points_m = points_m + doppler_beta_s[..., None] * closing_mps * beam
-    turns = torch.atan2(points_m[..., 1], points_m[..., 0]) / (2 * math.pi) % 1
-    time_s = (turns - 0.5) * turn_s
-    yaw, moved = _moved(twist, time_s)
-    cosine, sine = yaw.cos(), yaw.sin()
-    forward, right = points_m.unbind(-1)
-    return moved + torch.stack([cosine * forward - sine * right, sine * forward + cosine * right], -1)
+    revolution_s, beta_s = (torch.as_tensor(each).reshape(-1, 1) for each in (turn_s, doppler_beta_s))
+    velocities = torch.cat([twist.velocity_mps, twist.yaw_rate_rps[:, None]], -1)
+    return motion_compensation.to_mid_scan(
+        points_m, velocities, revolution_s=revolution_s, doppler_beta_s=beta_s, xp=torch
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,14 +172,3 @@ def _rolled(parts: Sequence[Part], twist: Twist, rolling: ScanMotionModel) -> tu
 
 def _at_middle(points_m: Tensor, twist: Twist, rolling: ScanMotionModel) -> Tensor:
     return to_mid_scan(points_m, twist, turn_s=rolling.turn_s, doppler_beta_s=rolling.doppler_beta_s)
-
-
-def _moved(twist: Twist, time_s: Tensor) -> tuple[Tensor, Tensor]:
-    """Return yaw (B, N) [rad] and place (B, N, 2) [m] of the car at times (B, N) from mid-scan."""
-    yaw = twist.yaw_rate_rps[:, None] * time_s
-    small = yaw.abs() < 1e-4
-    safe = torch.where(small, torch.ones_like(yaw), yaw)
-    sine = torch.where(small, 1 - yaw**2 / 6, safe.sin() / safe)  # sin a / a
-    cosine = torch.where(small, yaw / 2, (1 - safe.cos()) / safe)  # (1 - cos a) / a
-    forward, right = (twist.velocity_mps[:, None] * time_s[..., None]).unbind(-1)
-    return yaw, torch.stack([sine * forward - cosine * right, cosine * forward + sine * right], -1)

@@ -1,4 +1,4 @@
-"""The rolling scan: how far a car drives in it, how walls bend, and that de-skewing straightens them."""
+"""The rolling scan: how far a car drives in it, how walls bend, and that compensation straightens them."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from echoscape.sim.datasets.deskew import deskewed
+from echoscape.sim.datasets.motion_compensation import to_mid_scan
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.receiver.quantiser import decibels
@@ -61,10 +61,23 @@ def ridge(scan: PolarScan, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     return (power * near * ranges).sum(axis=1) / (power * near).sum(axis=1)
 
 
-def off_line(points: NDArray[np.float64]) -> float:
-    """Root mean square distance (N, 2) of points from the straight line that fits them best [m]."""
-    centred = points - points.mean(axis=0)
-    return float(np.linalg.svd(centred, compute_uv=False)[-1] / np.sqrt(len(points)))
+def points(rows: NDArray[np.int64], range_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (R, 2) of rows as if the car stood: forward, right [m]."""
+    angle = 2 * np.pi * rows / 400
+    return range_m[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def compensated(seen: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (R, 2) [m] in the frame of mid-scan, by the speed of the car."""
+    twist = np.array([SPEED, 0.0, 0.0])
+    beta_s = STEADY.doppler_beta_s
+    return to_mid_scan(seen, twist, revolution_s=1 / STEADY.rotation_hz, doppler_beta_s=beta_s)
+
+
+def off_line(places: NDArray[np.float64]) -> float:
+    """Root mean square distance (N, 2) of places from the straight line that fits them best [m]."""
+    centred = places - places.mean(axis=0)
+    return float(np.linalg.svd(centred, compute_uv=False)[-1] / np.sqrt(len(places)))
 
 
 def test_ego_motion_within_a_scan(law: LawRecorder, scans: list[PolarScan]) -> None:
@@ -90,15 +103,12 @@ WALLS = {
 
 
 @pytest.mark.parametrize("name", list(WALLS))
-def test_walls_bend_as_the_poses_predict_and_deskewing_straightens_them(
-    law: LawRecorder, scans: list[PolarScan], echoes: Echoes, name: str
+def test_walls_bend_as_the_poses_predict_and_compensation_straightens_them(
+    law: LawRecorder, echoes: Echoes, name: str
 ) -> None:
     rows, normal, distance_m = WALLS[name]
-    truth = scans[0].truth
-    assert truth is not None
     found = mean_range(echoes, rows)
-    still = np.tile(truth.middle_pose, (400, 1))
-    seen = deskewed(rows, found, pose=still, middle_pose=truth.middle_pose)
+    seen = points(rows, found)
     # By hand: at time t the wall is (d - n v t) / (n u) away along the beam u; the rising sweep takes 0.049 s
     # times v u off.
     angle = -2 * np.pi * rows / 400
@@ -115,12 +125,9 @@ def test_walls_bend_as_the_poses_predict_and_deskewing_straightens_them(
         unit="m",
         why="a wall met slantwise fills the beam over a metre of range: its mean by some fifty rays",
     )
-    velocity = np.tile([SPEED, 0.0], (400, 1))
-    straightened = deskewed(
-        rows, found, pose=truth.pose, middle_pose=truth.middle_pose, velocity=velocity, sensor=STEADY
-    )
+    straightened = compensated(seen)
     law(
-        f"{name}, de-skewed by the poses: distance from a straight line, root mean square",
+        f"{name}, motion compensated: distance from a straight line, root mean square",
         source="it is straight",
         expected=0.0,
         simulated=off_line(straightened),
@@ -130,7 +137,7 @@ def test_walls_bend_as_the_poses_predict_and_deskewing_straightens_them(
     )
     middle_m = distance_m - normal[0] * SPEED * 199.5 * 0.25 / 400
     law(
-        f"{name}, de-skewed: distance from the car at mid-scan",
+        f"{name}, motion compensated: distance from the car at mid-scan",
         source="where it stands",
         expected=middle_m,
         simulated=float(np.mean(straightened @ (normal * [1, -1]))),
@@ -140,19 +147,13 @@ def test_walls_bend_as_the_poses_predict_and_deskewing_straightens_them(
     )
 
 
-def test_deskewing_straightens_a_wall_in_the_picture(law: LawRecorder, scans: list[PolarScan]) -> None:
+def test_compensation_straightens_a_wall_in_the_codes(law: LawRecorder, scans: list[PolarScan]) -> None:
     rows = np.append(np.arange(375, 400), np.arange(26))  # 23 deg to each side
-    truth, found = scans[0].truth, ridge(scans[0], rows)
-    assert truth is not None
-    still = np.tile(truth.middle_pose, (400, 1))
-    velocity = np.tile([SPEED, 0.0], (400, 1))
-    seen = deskewed(rows, found, pose=still, middle_pose=truth.middle_pose)
+    seen = points(rows, ridge(scans[0], rows))
     assert off_line(seen) > 0.8
-    straightened = deskewed(
-        rows, found, pose=truth.pose, middle_pose=truth.middle_pose, velocity=velocity, sensor=STEADY
-    )
+    straightened = compensated(seen)
     law(
-        "Wall ahead in the written picture, de-skewed: distance of its ridge from a straight line",
+        "Wall ahead in the written codes, motion compensated: distance of its ridge from a straight line",
         source="it is straight; as if the car stood, it is off by 0.9 m",
         expected=0.0,
         simulated=off_line(straightened),
