@@ -1,4 +1,4 @@
-"""`echoscape artefacts OUT`: which effect does what to one scan: a picture and a row of a table for each."""
+"""`echoscape artefacts OUT`: what each artefact does to one scan: a figure and a row of a table."""
 
 import sys
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from echoscape.cli.progress import ProgressBars
 from echoscape.cli.scene_options import ScanOptions, simulation_config
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.raytracing.backend import Backend, selected_backend, use_backend
 
 if TYPE_CHECKING:
     from echoscape.eval.ablation.run import ArtefactChange
@@ -22,31 +23,40 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Draw one scan without and with each effect, and tell how many cells each changes."""
+    """Draw one scan without and with each artefact, and count the cells that each changes."""
 
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
-    """Folder to write: a picture an effect, and artefacts.md. Files of these names are replaced."""
+    """Folder to write: a figure per artefact, and artefacts.md. Files of these names are replaced."""
     simulation: Annotated[ScanOptions, tyro.conf.arg(name="")] = field(default_factory=ScanOptions)
-    """The dataset that the scan is from: what `echoscape simulate` makes with the same words."""
+    """The dataset that the scan is from: what `echoscape simulate` makes with the same options."""
     scan: int | None = None
     """Number of the scan, from 0; by default the middle one."""
     only: tuple[str, ...] = ()
-    """Effects to show, by their names under --artefacts; by default all."""
+    """Artefacts to show, by their names under --artefacts; by default all."""
     scene: Path | None = None
-    """TOML file of a scene of one's own, in the place of a preset; its keys: docs/scenes.md."""
+    """TOML file of a custom scene in place of a preset; its keys: docs/scenes.md."""
     targets: Path | None = None
     """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
+    backend: Backend = field(default_factory=selected_backend)
+    """Compiler of the ray tracer: llvm for the CPU, cuda for an NVIDIA GPU. By default ECHOSCAPE_BACKEND."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the subcommand and return its exit code."""
+    """Run the subcommand.
+
+    Args:
+        arguments: The words after `echoscape artefacts`.
+
+    Returns:
+        The exit code: 0 done, 2 bad input.
+    """
     try:
         options = parse(Options, prog="echoscape artefacts", words=arguments)
         rows, paths = _written(options)
     except (DatasetError, SceneError, ValueError) as error:
-        return _refused(str(error))
+        return _refuse(str(error))
     except OSError as error:
-        return _refused(f"OUT: {error.strerror or error}")
+        return _refuse(f"OUT: {error.strerror or error}")
     console = Console()
     console.print(_table(rows))
     for path in paths:
@@ -58,6 +68,7 @@ def _written(options: Options) -> tuple[list["ArtefactChange"], tuple[Path, ...]
     """Refuse what cannot be drawn before the ray tracer is loaded, then draw."""
     config = simulation_config(options.simulation, scene=options.scene, targets=options.targets)
     index = config.scans // 2 if options.scan is None else options.scan
+    use_backend(options.backend)
     from echoscape.eval.ablation.cases import chosen_cases
     from echoscape.eval.ablation.figures import write_artefacts
     from echoscape.eval.ablation.run import check_index
@@ -79,6 +90,6 @@ def _table(rows: Sequence["ArtefactChange"]) -> Table:
     return table
 
 
-def _refused(message: str) -> int:
+def _refuse(message: str) -> int:
     print(f"echoscape artefacts: {message}", file=sys.stderr)
     return 2

@@ -57,8 +57,11 @@ def option_types(kind: type[Any]) -> dict[str, Any]:
             continue
         names = [mark.name for mark in marks if getattr(mark, "name", None) is not None]
         name = names[0] if names else field.name.replace("_", "-")
-        inner = option_types(value) if is_dataclass(value) and isinstance(value, type) else value
-        found |= inner if name == "" else {name: inner}
+        if is_dataclass(value) and isinstance(value, type):
+            inner = option_types(value)
+            found |= inner if name == "" else {name: inner}
+        else:
+            found[name] = value
     return found
 
 

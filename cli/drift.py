@@ -1,4 +1,4 @@
-"""`echoscape drift --estimate E.txt --truth T.txt`: KITTI's drift of one trajectory against another."""
+"""`echoscape drift --estimate E.txt --truth T.txt`: the KITTI drift of one trajectory against another."""
 
 import json
 import sys
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Judge a trajectory by another as the KITTI odometry devkit does: error over segments of 100 to 800 m.
+    """Evaluate a trajectory against another as the KITTI odometry devkit does: over segments of 100 to 800 m.
 
-    Files have a pose a line, twelve numbers: the upper 3 x 4 of its matrix, row by row. Both must have the
-    same frames; where no segment of 100 m exists the figures are null.
+    Files have one pose per line, twelve numbers: the upper 3 x 4 part of its matrix, row by row. Both must
+    have the same frames; where no segment of 100 m exists the figures are null.
     """
 
     estimate: Path
-    """The trajectory to judge."""
+    """The trajectory to evaluate."""
     truth: Path
-    """The true one."""
+    """The true trajectory."""
     step: int = 10
     """Frames from one segment's start to the next: 10 in the devkit, 4 for a radar of 4 Hz."""
     json: bool = False
@@ -35,11 +35,18 @@ class Options:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the subcommand and return its exit code."""
+    """Run the subcommand.
+
+    Args:
+        arguments: The words after `echoscape drift`.
+
+    Returns:
+        The exit code: 0 done, 2 bad input.
+    """
     try:
         options = parse(Options, prog="echoscape drift", words=arguments)
         found = _drift(options)
-    except ValueError as error:  # what a file lacks is one of them
+    except ValueError as error:  # errors of a file among them
         print(f"echoscape drift: {error}", file=sys.stderr)
         return 2
     if options.json:

@@ -1,4 +1,4 @@
-"""`echoscape fidelity DATA`: measure a folder of scans, judge it by real ones, write table and plots."""
+"""`echoscape fidelity DATA`: compare the statistics of a folder of scans with those of real ones."""
 
 import sys
 from collections.abc import Sequence
@@ -23,29 +23,36 @@ _LEAST_WIDTH = 108
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Measure how like real scans a folder of polar scans is, simulated or real.
+    """Compare the statistics of a folder of scans, simulated or real, with published ones of real scans.
 
     Levels, noise, point spread, strongest returns, peaks, spokes and leakage, each beside the figure that
     real scans of the same sensor have. Writes fidelity.json, fidelity.md and fidelity.png.
     """
 
     data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")]
-    """Folder of scans: one of echoscape's, Oxford's, MulRan's or Boreas', or of loose pictures of one."""
+    """Folder of scans: one of echoscape's, Oxford's, MulRan's or Boreas', or of single PNG files of one."""
     reference: Path | None = None
-    """Another folder of scans to compare with as well."""
+    """Another folder of scans to compare with."""
     out: Path | None = None
     """Folder to write to; by default DATA/fidelity."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the subcommand and return its exit code: 0 measured, whatever the verdicts, 2 bad input."""
+    """Run the subcommand.
+
+    Args:
+        arguments: The words after `echoscape fidelity`.
+
+    Returns:
+        The exit code: 0 measured, whatever the verdicts, 2 bad input.
+    """
     try:
         options = parse(Options, prog="echoscape fidelity", words=arguments)
         result, paths = _measured(options)
     except ValueError as error:  # DatasetError is one
-        return _refused(str(error))
+        return _refuse(str(error))
     except OSError as error:
-        return _refused(f"{error.filename or 'OUT'}: {error.strerror or error}")
+        return _refuse(f"{error.filename or 'OUT'}: {error.strerror or error}")
     console = Console(width=max(Console().width, _LEAST_WIDTH))
     console.print(_table(result))
     if result.judged:
@@ -87,6 +94,6 @@ def _table(result: "FidelityReport") -> Table:
     return table
 
 
-def _refused(message: str) -> int:
+def _refuse(message: str) -> int:
     print(f"echoscape fidelity: {message}", file=sys.stderr)
     return 2

@@ -1,4 +1,4 @@
-"""`echoscape scene OUT`: build a world without any radar, draw its plan, count what stands in it."""
+"""`echoscape scene OUT`: build a world without any radar: a 3-D model, a plan and statistics."""
 
 import sys
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Write a world to look at: scene.glb, plan.png and scene.json with its numbers."""
+    """Build a world and write scene.glb, plan.png and scene.json with its statistics."""
 
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Folder to write; it must be empty or new."""
@@ -32,15 +32,22 @@ class Options:
     seed: int = 0
     """Seed of the town and of the drive through it."""
     scans: int = 40
-    """Scans whose drive is shown; a drive of one's own is shown whole."""
+    """Scans whose drive is shown; a custom drive is shown whole."""
     scene: Path | None = None
-    """TOML file of a scene of one's own, in the place of a preset; its keys: docs/scenes.md."""
+    """TOML file of a custom scene in place of a preset; its keys: docs/scenes.md."""
     targets: Path | None = None
     """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the subcommand and return its exit code."""
+    """Run the subcommand.
+
+    Args:
+        arguments: The words after `echoscape scene`.
+
+    Returns:
+        The exit code: 0 done, 2 bad input.
+    """
     from echoscape.eval.scene_report.report import write_scene
     from echoscape.sim.datasets.files.output_folder import check_output_folder
 
@@ -49,14 +56,14 @@ def main(arguments: Sequence[str]) -> int:
         config = _config(options)
         check_output_folder(options.out, empty=True)
     except ValueError as error:
-        return _refused(str(error))
+        return _refuse(str(error))
     try:
         with ProgressBars(Console(stderr=True)) as bars:
             numbers = write_scene(options.out, config, progress=bars.report)
     except (DatasetError, SceneError) as error:
-        return _refused(str(error))
+        return _refuse(str(error))
     except OSError as error:
-        return _refused(f"OUT: {error.strerror or error}")
+        return _refuse(f"OUT: {error.strerror or error}")
     console = Console()
     for table in (_summary(options, numbers), _classes(numbers), _materials(numbers)):
         console.print(table)
@@ -68,7 +75,7 @@ def _config(options: Options) -> SimulationConfig:
     return simulation_config(flags, scene=options.scene, targets=options.targets)
 
 
-def _refused(message: str) -> int:
+def _refuse(message: str) -> int:
     print(f"echoscape scene: {message}", file=sys.stderr)
     return 2
 

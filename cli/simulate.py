@@ -89,9 +89,11 @@ def _defaults(words: Sequence[str]) -> Options:
     manifest, radar = option_value("--from", words), option_value("--radar", words)
     simulation = SimulationOptions()
     if manifest:
+        from echoscape.scenes.io.user_scene import read_user_scene
         from echoscape.sim.generation.config_json import read_config
 
-        config = read_config(Path(manifest))
+        scene = option_value("--scene", words)
+        config = read_config(Path(manifest), scene=read_user_scene(scene) if scene else None)
         simulation = SimulationOptions(
             **{each.name: getattr(config, each.name) for each in fields(SimulationConfig)}
         )

@@ -1,4 +1,4 @@
-"""`echoscape view DATA`: write one page to step through a data set, and say where it is and how large."""
+"""`echoscape view DATA`: write one HTML page to step through a dataset."""
 
 import sys
 import webbrowser
@@ -18,7 +18,7 @@ _MAILABLE_MB = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Write one HTML page to step or play through a data set: scans, truth, boxes, the drive on the plan.
+    """Write one HTML page to step or play through a dataset: scans, truth, boxes, the drive on the plan.
 
     The page needs nothing but a browser, no network and no second file. 40 scans take some 4 MB, a tenth of a
     megabyte each: small enough to mail.
@@ -29,24 +29,31 @@ class Options:
     out: Path | None = None
     """The page to write; by default DATA/view.html."""
     scans: int | None = None
-    """Show at most so many scans; by default all."""
+    """Largest number of scans to show; by default all."""
     every: int = 1
-    """Show every so many-th scan only."""
+    """Show every N-th scan only."""
     columns: int = 640
-    """Range cells kept of each row, at most: more is sharper and larger."""
+    """Range cells shown per azimuth, at most: more is sharper and larger."""
     open: bool = False
-    """Open the page in a browser when it is written."""
+    """Open the page in a browser afterwards."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the subcommand and return its exit code."""
+    """Run the subcommand.
+
+    Args:
+        arguments: The words after `echoscape view`.
+
+    Returns:
+        The exit code: 0 done, 2 bad input.
+    """
     try:
         options = parse(Options, prog="echoscape view", words=arguments)
         out = _written(options)
-    except ValueError as error:  # what a data set lacks is one of them
-        return _refused(str(error))
+    except ValueError as error:  # errors of a dataset among them
+        return _refuse(str(error))
     except OSError as error:
-        return _refused(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+        return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error))
     _say(out)
     if options.open:
         webbrowser.open(out.resolve().as_uri())
@@ -62,7 +69,7 @@ def _written(options: Options) -> Path:
     out = options.out or options.data / "view.html"
     if out.is_dir() or not out.parent.is_dir():
         if options.data.is_dir() or options.out:
-            raise ValueError(f"out must be a file in a folder that is there, got {out}")
+            raise ValueError(f"out must be a file in an existing folder, got {out}")
         raise ValueError(f"DATA {options.data}: no such folder")
     with ProgressBars(Console(stderr=True)) as bars:
         view = view_of(
@@ -82,6 +89,6 @@ def _say(out: Path) -> None:
     print(f"{out}  {size_mb:.1f} MB{hint}")
 
 
-def _refused(message: str) -> int:
+def _refuse(message: str) -> int:
     print(f"echoscape view: {message}", file=sys.stderr)
     return 2

@@ -35,7 +35,7 @@ BAD = {
     "--radar=cir304_rt --sensor.fft-size 8192": "fft_size must be a power of two of 13696 or more",
     "--layout moon": "--layout: layout must be one of oxford, mulran, boreas, got 'moon'",
     "--sensor.name=": "sensor.name must not be empty, got ''",
-    "--randomize --sensor.mount-tilt-deg 89": "got 89.029, as --randomize drew it about what was given",
+    "--randomize --sensor.mount-tilt-deg 89": "got 89.029, as --randomize drew it around the given values",
     "--preset moon": "preset must be one of town, suburb,",
     "--workers 0": "workers must be 1 or more, got 0",
     "--threads 0": "threads must be 1 or more, got 0",
@@ -141,7 +141,7 @@ def test_run_makes_a_dataset_with_a_preview_and_sums_up(
     assert len(list((tmp_path / "set" / "radar").glob("*.png"))) == 2
     with Image.open(tmp_path / "set" / "preview.png") as page:
         assert page.size == (1800, 1140)
-    assert "2 of 400 x 3768 cells" in capsys.readouterr().out
+    assert "2 of 400 azimuths x 3768 bins" in capsys.readouterr().out
 
 
 def test_damage_that_only_the_summary_meets_is_told_in_a_line(
@@ -227,7 +227,7 @@ def test_files_are_no_settings_of_their_own(capsys: pytest.CaptureFixture[str]) 
 
 def test_unknown_command_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["stimulate"]) == 2
-    assert "no command 'stimulate'; there is simulate" in capsys.readouterr().err
+    assert "unknown command 'stimulate'; commands: simulate" in capsys.readouterr().err
 
 
 def test_help_names_every_command_without_loading_the_ray_tracer() -> None:

@@ -101,9 +101,9 @@ def test_bad_options_are_told(
 def test_place_that_cannot_be_written_is_told(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert "out must be a file in a folder" in _refusal(capsys, str(folder), "--out", str(tmp_path))
+    assert "out must be a file in an existing folder" in _refusal(capsys, str(folder), "--out", str(tmp_path))
     absent = tmp_path / "absent" / "page.html"
-    assert "out must be a file in a folder" in _refusal(capsys, str(folder), "--out", str(absent))
+    assert "out must be a file in an existing folder" in _refusal(capsys, str(folder), "--out", str(absent))
 
 
 def test_real_scans_are_shown(tmp_path: Path) -> None:
