@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import grid_sample, pad
 
-from echoscape.sim.datasets.cartesian import pixel_offsets, polar_places
+from echoscape.sim.datasets.cartesian import pixel_offsets, polar_places, range_averages
 
 CODE_OF_ONE = 128
 """The code (64 dB above one count) that becomes 1 in the picture; the strongest of real scans are 136."""
@@ -62,19 +62,14 @@ def range_cells(
     Raises:
         ValueError: `codes` is no scan, or `bin_m` no length.
     """
-    if codes.ndim != 2 or 0 in codes.shape or codes.dtype != np.uint8:
-        raise ValueError(f"codes must be (azimuths, bins) uint8, got {codes.dtype} of shape {codes.shape}")
-    if not (math.isfinite(bin_m) and bin_m > 0):
-        raise ValueError(f"bin_m must be finite and above 0, got {bin_m}")
-    # Sums of whole codes are exact in float32, in whatever order.
-    sums = torch.cumsum(torch.from_numpy(np.pad(codes, ((0, 0), (1, 0)))), 1, dtype=torch.float32)
-    edges_m = np.maximum(np.arange(settings.cells + 1) * settings.cell_m, settings.near_m)
-    places = np.clip((edges_m - range_offset_m) / bin_m, 0, codes.shape[1])
-    low = np.minimum(places.astype(np.int64), codes.shape[1] - 1)
-    part = torch.from_numpy((places - low).astype(np.float32))
-    before, after = (sums.index_select(1, torch.from_numpy(each)) for each in (low, low + 1))
-    upto = before * (1 - part) + after * part
-    return (upto.diff(dim=1) * (bin_m / settings.cell_m)).round().to(torch.uint8).numpy()
+    return range_averages(
+        codes,
+        bin_m,
+        cell_m=settings.cell_m,
+        cells=settings.cells,
+        near_m=settings.near_m,
+        range_offset_m=range_offset_m,
+    )
 
 
 class Projector:

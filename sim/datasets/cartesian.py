@@ -51,7 +51,50 @@ def pixel_offsets(size: int, *, pixel_m: float, bin_m: float) -> NDArray[np.floa
     return (np.arange(size) - (size - 1) / 2) * (pixel_m / bin_m)
 
 
-def polar_to_cartesian(codes: ArrayLike, bin_m: float, *, pixel_m: float, size: int) -> NDArray[np.float32]:
+def range_averages(
+    codes: NDArray[np.uint8],
+    bin_m: float,
+    *,
+    cell_m: float,
+    cells: int,
+    near_m: float = 0.0,
+    range_offset_m: float = 0.0,
+) -> NDArray[np.uint8]:
+    """Average the codes of a scan over longer range cells.
+
+    Cell j covers ranges from j cell_m to (j + 1) cell_m; bin k those from k bin_m + range_offset_m.
+
+    Args:
+        codes: Codes (azimuths, bins) [half dB].
+        bin_m: Length of a range bin [m].
+        cell_m: Length of a range cell [m].
+        cells: Number of range cells.
+        near_m: Range below which codes count as 0 [m].
+        range_offset_m: Offset to the ranges of bins [m].
+
+    Returns:
+        Averages (azimuths, cells), rounded to whole codes; 0 beyond the last bin.
+
+    Raises:
+        ValueError: `codes` is no scan, or a length is not above 0.
+    """
+    if codes.ndim != 2 or 0 in codes.shape or codes.dtype != np.uint8:
+        raise ValueError(f"codes must be (azimuths, bins) uint8, got {codes.dtype} of shape {codes.shape}")
+    _check_sizes(bin_m=bin_m, cell_m=cell_m, cells=cells)
+    azimuths, bins = codes.shape
+    sums = np.zeros((azimuths, bins + 1), np.float32)  # of whole codes, exact in float32
+    np.cumsum(codes, axis=1, out=sums[:, 1:])
+    edges_m = np.maximum(np.arange(cells + 1) * cell_m, near_m)
+    edges = np.clip((edges_m - range_offset_m) / bin_m, 0, bins)
+    low = np.minimum(edges.astype(np.int64), bins - 1)
+    part = (edges - low).astype(np.float32)
+    below = np.take(sums, low, axis=1) * (1 - part) + np.take(sums, low + 1, axis=1) * part
+    return np.rint(np.diff(below, axis=1) * np.float32(bin_m / cell_m)).astype(np.uint8)
+
+
+def polar_to_cartesian(
+    codes: ArrayLike, bin_m: float, *, pixel_m: float, size: int, turn_rad: float = 0.0
+) -> NDArray[np.float32]:
     """Convert a scan to an image, interpolated linearly in azimuth and range.
 
     Args:
@@ -59,6 +102,7 @@ def polar_to_cartesian(codes: ArrayLike, bin_m: float, *, pixel_m: float, size: 
         bin_m: Length of a range bin [m].
         pixel_m: Width of a pixel [m].
         size: Pixels along a side; the radar is between the middle pixels where it is even.
+        turn_rad: Clockwise rotation of the scan about the radar [rad].
 
     Returns:
         The image (size, size) float32, 0 beyond the centre of the last bin.
@@ -67,7 +111,7 @@ def polar_to_cartesian(codes: ArrayLike, bin_m: float, *, pixel_m: float, size: 
         ValueError: A size is not above 0, or `codes` is no scan.
     """
     values = np.asarray(codes, np.float32)
-    azimuth, column = _places(values, bin_m, pixel_m=pixel_m, size=size)
+    azimuth, column = _places(values, bin_m, pixel_m=pixel_m, size=size, turn_rad=turn_rad)
     azimuths, bins = values.shape
     before, near = np.floor(azimuth).astype(np.int64), np.floor(column).astype(np.int64)
     u, v = (azimuth - before).astype(np.float32), (column - near).astype(np.float32)
@@ -146,11 +190,11 @@ def _check_sizes(**sizes: float) -> None:
 
 
 def _places(
-    values: NDArray, bin_m: float, *, pixel_m: float, size: int
+    values: NDArray, bin_m: float, *, pixel_m: float, size: int, turn_rad: float = 0.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the fractional azimuth index and bin (size, size) of every pixel's centre in the scan."""
     if values.ndim != 2 or 0 in values.shape:
         raise ValueError(f"codes must be (azimuths, bins), got shape {values.shape}")
     _check_sizes(bin_m=bin_m, pixel_m=pixel_m, size=size)
-    azimuth, column = polar_places(pixel_offsets(size, pixel_m=pixel_m, bin_m=bin_m))
+    azimuth, column = polar_places(pixel_offsets(size, pixel_m=pixel_m, bin_m=bin_m), turn_rad=turn_rad)
     return azimuth * values.shape[0], column

@@ -1,4 +1,4 @@
-"""The Fourier odometry: known motions of drawn landmarks and of a real pair come out, emptiness is told."""
+"""The Fourier odometry: known motions of drawn landmarks and of a real pair come out, an empty scan fails."""
 
 import math
 from dataclasses import replace
@@ -39,24 +39,24 @@ def test_known_motions_come_out(motion: Motion) -> None:
     assert abs(yaw - motion[2]) < math.radians(0.45)
 
 
-def test_way_back_is_the_inverse() -> None:
+def test_motion_back_is_the_inverse() -> None:
     later = scan_of(landmarks(), (2.0, 0.0, 0.0))
     there, back = estimate(START, later), estimate(later, START)
     assert there[0] == pytest.approx(-back[0], abs=0.05)
     assert there[0] == pytest.approx(2.0, abs=0.1)
 
 
-def test_empty_scan_is_told() -> None:
+def test_empty_scan_fails() -> None:
     with pytest.raises(PairFailed, match="no echo above code 26 beyond 3 m"):
         ODOMETRY.features(replace(START, codes=np.full_like(START.codes, 26)))
 
 
-def test_rings_about_the_radar_leave_the_turn_open() -> None:
+def test_rings_about_the_radar_leave_the_rotation_open() -> None:
     rings = np.zeros_like(START.codes)
     rings[:, 400:410] = 100
     features = ODOMETRY.features(replace(START, codes=rings))
     flat = replace(features, directions=np.zeros_like(features.directions))
-    with pytest.raises(PairFailed, match="the turn is open"):
+    with pytest.raises(PairFailed, match="the rotation is not determined"):
         ODOMETRY.motion(flat, flat)
 
 
