@@ -81,7 +81,7 @@ def measure(simulator: Simulator, scans: int) -> dict[str, list[float]]:
             into("receiver: grid to power and its parts"),
         )
         timed(lambda: codes(received.power), into("quantiser"))  # noqa: B023
-        timed(lambda: labeller.label(labeller.strongest(echoes), received, artefacts), into("truth"))  # noqa: B023
+        timed(lambda: labeller.label(labeller.dominant_echoes(echoes), received, artefacts), into("truth"))  # noqa: B023
         if warm and index % 4 == 0:
             write(simulator.scan(index), into)
             compare(echoes, grid, times)

@@ -57,8 +57,8 @@ class Echoes:
         sidelobe: Whether the echo is received outside the main lobe (E,) bool.
         closing_mps: Radial speed, positive when approaching (E,) float32 [m/s].
         returns: The return paths.
-        first_obstacle_m: Distance of the first object in the beam that is not ground (azimuths,) float32 [m], inf
-            where there is none.
+        first_obstacle_m: Distance of the first object in the beam that is not ground (azimuths,) float32
+            [m], inf where there is none.
         origin: The scan that they were traced for; None where they were not traced.
     """
 

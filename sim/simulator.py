@@ -3,8 +3,8 @@
     simulator = Simulator(scene, drive, movers, seed=7)
     scan = simulator.scan(0)
 
-Read `Simulator._simulate` first. Each of its steps depends on some artefacts only, so that several settings of
-artefacts share the steps in which they agree; a single scan is the case of one setting.
+Read `Simulator._simulate` first. Each of its steps depends on some artefacts only, so that several settings
+of artefacts share the steps in which they agree; a single scan is the case of one setting.
 """
 
 from collections.abc import Iterable, Sequence
@@ -25,6 +25,7 @@ from echoscape.sim.ground_truth.dominant_echo import DominantEchoIndex
 from echoscape.sim.kinematics.rolling_scan import Revolution
 from echoscape.sim.kinematics.timeline import HasTrajectory, Timeline
 from echoscape.sim.raytracing.mitsuba_scene import MitsubaScene, instance_classes
+from echoscape.sim.raytracing.ray_sampling import PrimaryHits
 from echoscape.sim.raytracing.scan_state import ScanState, scan_state
 from echoscape.sim.raytracing.tracer import Tracer
 from echoscape.sim.receiver.front_end import FrontEnd, NoiseRealisation
@@ -53,14 +54,14 @@ class Propagation:
 
     Attributes:
         state: Times, poses, moving objects and ray scene.
-        echoes: The traced echoes; None where echoes were given instead.
+        echoes: The traced echoes, or those that were given instead.
         clear_share: Share of the two-way beam that reaches each bin of the grid (A, fft_size / 2) float32;
             None without rain.
         interferers: The same scan with all vehicles whose radars may interfere; None without interference.
     """
 
     state: ScanState
-    echoes: Echoes | None
+    echoes: Echoes
     clear_share: NDArray[np.float32] | None
     interferers: ScanState | None
 
@@ -156,7 +157,7 @@ class Simulator:
             ValueError: `index` is negative.
         """
         propagation = self._propagate(index, [self.artefacts], Selection())
-        return self._echoes(propagation, self.artefacts)
+        return scaled_echoes(propagation.echoes, self.artefacts, self.sensor)
 
     def scan(
         self,
@@ -230,22 +231,19 @@ class Simulator:
         noise = self._noise(index)
         simulated: dict[Strengths, PolarScan] = {}
         for same_paths in _grouped(dict(zip(strengths, settings, strict=True)).values(), _PATH_ARTEFACTS):
-            propagation = self._propagate(index, same_paths, filters, trace=echoes is None)
+            propagation = self._propagate(index, same_paths, filters, given=echoes)
             for same_echoes in _grouped(same_paths, _ECHO_ARTEFACTS):
-                present = self._echoes(propagation, same_echoes[0]) if echoes is None else echoes
+                present = propagation.echoes
+                if echoes is None:
+                    present = scaled_echoes(present, same_echoes[0], self.sensor)
                 dominant = self._labeller.dominant_echoes(filters.echoes(present, self.instance_class))
                 for same_grid in _grouped(same_echoes, _GRID_ARTEFACTS):
-                    rain_rng = self._rng(index, "rain")
                     shared = filters.artefacts(same_grid[0])
-                    received_input = self._receiver_input(propagation, dominant, shared, noise, rain_rng)
+                    incoming = self._receiver_input(propagation, dominant, shared, noise)
                     for setting in same_grid:
+                        left = filters.artefacts(setting)
                         simulated[setting.strengths(self.sensor)] = self._polar_scan(
-                            index,
-                            propagation,
-                            received_input,
-                            filters.artefacts(setting),
-                            keep_beat=keep_beat,
-                            truth=truth,
+                            propagation, incoming, left, keep_beat=keep_beat, truth=truth
                         )
         return [simulated[each] for each in strengths]
 
@@ -259,27 +257,127 @@ class Simulator:
         return NoiseRealisation(self.sensor, noise_rng=noise_rng, phase_rng=phase_rng)
 
     def _propagate(
-        self, index: int, settings: Sequence[Artefacts], filters: Selection, *, trace: bool = True
+        self, index: int, settings: Sequence[Artefacts], filters: Selection, given: Echoes | None = None
     ) -> Propagation:
-        """Send the rays of a scan for settings that agree in their paths."""
+        """Send the rays of a scan for settings that agree in their paths; `given` echoes are not traced."""
         revolution = self.revolution(index)
-        state = scan_state(
-            self._scene,
-            revolution=revolution,
-            poses=self._timeline.poses(revolution, settings[0]),
-            movers=self._timeline.movers(revolution, settings[0]),
-        )
+        poses = self._timeline.poses(revolution, settings[0])
+        movers = self._timeline.movers(revolution, settings[0])
+        state = scan_state(self._scene, index=index, revolution=revolution, poses=poses, movers=movers)
         left = [filters.artefacts(each) for each in settings]
         rain = any(each.rain for each in left)
-        primary = self._tracer.launch(state) if trace or rain else None
-        echoes = clear_share = interferers = None
-        if primary is not None and rain:
-            edges_m = np.arange(self.sensor.fft_size // 2, dtype=np.float64) * self.sensor.bin_m
-            clear_share = self._tracer.clear_share(primary, edges_m)
-        if primary is not None and trace:
-            echoes = self._tracer.trace(state, primary, ghosts=any(each.ghosts for each in settings))
-            echoes = replace(echoes, origin=Origin(scan=index, seed=self._seed))
+        clear_share = None
+        if given is None or rain:
+            primary = self._tracer.launch(state)
+            clear_share = self._tracer.clear_share(primary, self._grid_edges_m()) if rain else None
+            echoes = self._traced(state, primary, settings) if given is None else given
+        else:
+            echoes = given
+        interferers = None
         if any(each.interference for each in left):
             vehicles = self._timeline.movers(revolution, settings[0], reach_m=INTERFERER_REACH_M)
             interferers = state.with_movers(self._scene, vehicles)
         return Propagation(state=state, echoes=echoes, clear_share=clear_share, interferers=interferers)
+
+    def _grid_edges_m(self) -> NDArray[np.float64]:
+        """Return the near edges of the bins of the grid (fft_size / 2,) [m]."""
+        return np.arange(self.sensor.fft_size // 2, dtype=np.float64) * self.sensor.bin_m
+
+    def _traced(self, state: ScanState, primary: PrimaryHits, settings: Sequence[Artefacts]) -> Echoes:
+        """Trace a scan, ghosts included where a setting has them."""
+        echoes = self._tracer.trace(state, primary, ghosts=any(each.ghosts for each in settings))
+        return replace(echoes, origin=Origin(scan=state.index, seed=self._seed))
+
+    def _receiver_input(
+        self,
+        propagation: Propagation,
+        dominant: DominantEchoIndex,
+        artefacts: Artefacts,
+        noise: NoiseRealisation,
+    ) -> ReceiverInput:
+        """Add up echoes and rain on the grid of the receiver."""
+        grid = speckled_grid(dominant.echoes, self.sensor, speckle=artefacts.speckle)
+        rain_w = None
+        if propagation.clear_share is not None and artefacts.rain:
+            rain_w = rain_power_w(
+                self.sensor,
+                self._tracer.antenna,
+                rate_mm_h=artefacts.rain,
+                clear=propagation.clear_share,
+            )
+            grid += rain_grid(rain_w, rng=self._rng(propagation.state.index, "rain"))
+        front_end = FrontEnd(grid, self.sensor, noise)
+        return ReceiverInput(dominant=dominant, front_end=front_end, rain_w=rain_w)
+
+    def _polar_scan(
+        self,
+        propagation: Propagation,
+        incoming: ReceiverInput,
+        artefacts: Artefacts,
+        *,
+        keep_beat: bool,
+        truth: bool,
+    ) -> PolarScan:
+        """Return the scan that the receiver makes of what reaches it, with its truth."""
+        state, sensor = propagation.state, self.sensor
+        output = received(
+            incoming.front_end,
+            sensor,
+            artefacts,
+            others=self._interference(propagation, artefacts),
+            keep_beat=keep_beat,
+            parts=truth,
+        )
+        return PolarScan(
+            codes=codes(output.power),
+            timestamp_us=EPOCH_US + np.rint(state.revolution.times_s * 1e6).astype(np.int64),
+            encoder=_encoder(sensor),
+            valid=np.ones(sensor.azimuths, np.bool_),
+            bin_m=sensor.bin_m,
+            truth=self._truth(state, incoming, output, artefacts) if truth else None,
+            rising=sensor.rising if sensor.chirps == "alternating" else None,
+            encoder_per_turn=sensor.encoder_per_turn,
+            beat=output.beat,
+        )
+
+    def _interference(self, propagation: Propagation, artefacts: Artefacts) -> NDArray[np.float32] | None:
+        """Return what the radars of other vehicles add to the beat signals, None where they are silent."""
+        if propagation.interferers is None or not artefacts.interference:
+            return None
+        return other_radars(
+            propagation.interferers,
+            self.sensor,
+            self._tracer.antenna,
+            eirp_w=artefacts.interference,
+            rain_mm_h=artefacts.rain,
+            seed=self._seed,
+        )
+
+    def _truth(
+        self, state: ScanState, incoming: ReceiverInput, output: Received, artefacts: Artefacts
+    ) -> ScanTruth:
+        """Return what is known of a scan because it was simulated."""
+        middle_s = state.revolution.middle_s
+        return ScanTruth(
+            cells=self._labeller.label(incoming.dominant, output, artefacts, rain_w=incoming.rain_w),
+            pose=self._track.pose(state.revolution.times_s),
+            middle_pose=self._track.pose(np.float64(middle_s)),
+            middle_us=EPOCH_US + round(middle_s * 1e6),
+            saturated=output.saturated,
+            first_obstacle_m=incoming.dominant.echoes.first_obstacle_m,
+            boxes=mover_boxes(state.movers),
+        )
+
+
+def _grouped(settings: Iterable[Artefacts], names: Sequence[str]) -> list[list[Artefacts]]:
+    """Return the settings in groups that agree in the named artefacts."""
+    groups: dict[tuple, list[Artefacts]] = {}
+    for each in settings:
+        groups.setdefault(tuple(getattr(each, name) for name in names), []).append(each)
+    return list(groups.values())
+
+
+def _encoder(sensor: Sensor) -> NDArray[np.uint16]:
+    """Return the encoder count of each azimuth."""
+    step = sensor.encoder_per_turn // sensor.azimuths
+    return (sensor.encoder_first + step * np.arange(sensor.azimuths)).astype(np.uint16)

@@ -1,7 +1,7 @@
-"""What artefacts make of traced echoes before the receiver: one trace serves any strengths.
+"""Artefacts that change traced echoes before the receiver, so that one trace serves any strengths.
 
-Speckle is the interference of echoes. What of it is switched off adds up by power instead: on a grid of
-amplitudes in phase, found step by step, whose range profile is the root of the expected power.
+Speckle is the interference of echoes. The share of power that is not to interfere adds up by power instead:
+on a grid of amplitudes in phase, found by iteration, whose range profile is the root of the expected power.
 """
 
 import math
@@ -21,15 +21,23 @@ from echoscape.sim.sensor.sensor import Sensor
 from echoscape.sim.settings.artefacts import Artefacts, Strengths
 
 _ROUNDS = 2
-"""Steps of the even grid towards the root of the expected power."""
+"""Iterations of the speckle-free grid towards the root of the expected power."""
 _MOST_CHANGE = 4.0
-"""Factor by which a step changes an amplitude at most: a profile may have zeros, which no factor fills."""
+"""Largest factor on an amplitude per iteration: a profile may have zeros, which no factor fills."""
 
 
-def changed(echoes: Echoes, artefacts: Artefacts, sensor: Sensor) -> Echoes:
-    """Return the echoes with ghosts, sidelobes, Doppler shift and rain as strong as `artefacts` says.
+def scaled_echoes(echoes: Echoes, artefacts: Artefacts, sensor: Sensor) -> Echoes:
+    """Return the echoes with the given strengths of ghosts, sidelobes, Doppler shift and rain.
 
-    What stands on the vehicle takes its share from the rows behind it.
+    Azimuths that objects on the vehicle block are attenuated as the sensor describes.
+
+    Args:
+        echoes: Traced echoes.
+        artefacts: The strengths.
+        sensor: The radar.
+
+    Returns:
+        The changed echoes; those of no power are left out.
     """
     strengths = artefacts.strengths(sensor)
     if strengths.doppler != sensor.doppler_beta_s:
@@ -47,7 +55,7 @@ def changed(echoes: Echoes, artefacts: Artefacts, sensor: Sensor) -> Echoes:
 
 
 def _power_gain(echoes: Echoes, strengths: Strengths) -> NDArray[np.float64] | None:
-    """Return what becomes of each echo's power (E,); None where nothing changes."""
+    """Return the factor on the power of each echo (E,), None where nothing changes."""
     if strengths.ghosts == strengths.sidelobes == 1:
         return None
     ghosts = np.where(echoes.bounces > 1, strengths.ghosts, 1.0)
@@ -55,15 +63,23 @@ def _power_gain(echoes: Echoes, strengths: Strengths) -> NDArray[np.float64] | N
 
 
 def speckled_grid(echoes: Echoes, sensor: Sensor, *, speckle: float) -> NDArray[np.complex64]:
-    """Return the grid of echoes (azimuths, fft_size / 2) with a share of their power interfering [sqrt(W)].
+    """Return the grid of echoes with a share of their power interfering.
 
-    Coherent targets have no speckle: their phases are theirs, and they interfere with what is even as two
-    mirrors would.
+    Coherent targets have no speckle: their phases are deterministic, and they interfere with the speckle-free
+    part as two mirrors would.
+
+    Args:
+        echoes: Echoes of a scan.
+        sensor: The radar.
+        speckle: Share of the power that interferes, 0 to 1.
+
+    Returns:
+        Amplitudes (azimuths, fft_size / 2) complex64 [sqrt(W)].
     """
     if speckle == 1:
         return echo_grid(echoes, sensor)
     rough = ~echoes.returns.coherent[echoes.source]
-    even = even_grid(echoes.select(rough), sensor) * np.float32(np.sqrt(1 - speckle))
+    even = speckle_free_grid(echoes.select(rough), sensor) * np.float32(np.sqrt(1 - speckle))
     grid = echo_grid(echoes.select(~rough), sensor)
     grid += even
     if speckle > 0:
@@ -71,11 +87,18 @@ def speckled_grid(echoes: Echoes, sensor: Sensor, *, speckle: float) -> NDArray[
     return grid
 
 
-def even_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.float32]:
-    """Return amplitudes in phase (azimuths, fft_size / 2) [sqrt(W)] whose profile has the expected power.
+def speckle_free_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.float32]:
+    """Return amplitudes in phase whose range profile has the expected power.
 
-    The expected power of a bin is the sum of the echoes' mean powers P under the point spread, P * |psf|^2.
-    Starting from the root of P, the grid g is multiplied by sqrt(P * |psf|^2) / |g * psf| until it fits.
+    The expected power of a bin is the sum of the mean powers P of the echoes under the point spread,
+    P * |psf|^2. Starting from the root of P, the grid g is multiplied twice by sqrt(P * |psf|^2) / |g * psf|.
+
+    Args:
+        echoes: Echoes of a scan.
+        sensor: The radar.
+
+    Returns:
+        Amplitudes (azimuths, fft_size / 2) float32 [sqrt(W)].
     """
     bins = sensor.fft_size // 2
     place = np.clip(np.rint(grid_place(echoes.range_m, sensor)), 0, bins - 1).astype(np.int64)
@@ -92,13 +115,13 @@ def even_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.float32]:
 
 
 def _expected_amplitude(power: NDArray[np.float64], sensor: Sensor) -> NDArray[np.float32]:
-    """Return the root of the expected |FFT|^2 (rows, bins) of independent powers on the grid [W]."""
+    """Return the root of the expected |FFT|^2 (azimuths, bins) of independent powers on the grid [W]."""
     expected = np.fft.irfft(np.fft.rfft(power, sensor.fft_size) * _spread_spectrum(sensor))
     return np.sqrt(np.maximum(expected[:, : sensor.bins], 0)).astype(np.float32)
 
 
 @lru_cache(maxsize=8)
 def _spread_spectrum(sensor: Sensor) -> NDArray[np.complex128]:
-    """Return the transform (fft_size / 2 + 1,) of what an echo of 1 W makes of |FFT|^2 around its bin."""
+    """Return the transform (fft_size / 2 + 1,) of |FFT|^2 around the bin of an echo of 1 W."""
     spread = np.fft.fft(window(sensor) * sweep_ripple(sensor), sensor.fft_size) / math.sqrt(2)
     return np.fft.rfft(np.abs(spread) ** 2)

@@ -1,8 +1,8 @@
-"""Rain: what it takes from echoes on their way and what its drops send back.
+"""Rain: attenuation of echoes and backscatter of drops.
 
 Attenuation is that of ITU-R P.838-3, k R^alpha [dB/km]. Backscatter is summed over the drops of Marshall &
 Palmer (J. Meteorology 5, 1948) by Mie's series (Bohren & Huffman, 1983, ch. 4) for water of ITU-R P.840-8 at
-10 degrees C: at 76.5 GHz drops are as large as the wavelength / pi and no longer Rayleigh's.
+10 degrees C: at 76.5 GHz drops are as large as the wavelength / pi, beyond Rayleigh scattering.
 """
 
 import math
@@ -44,12 +44,20 @@ _ALPHA: _Fit = (
 )
 
 _NEAREST_M = 1.0
-"""Drops nearer than this are on the radome, which is not modelled."""
+"""Drops nearer than this are on the radome, which is not modelled [m]."""
 _TEMPERATURE_K = 283.15
 
 
 def specific_attenuation_db_km(rate_mm_h: float, frequency_hz: float) -> float:
-    """Return the attenuation of vertically polarised waves [dB/km], ITU-R P.838-3 eq. (1)."""
+    """Return the attenuation of vertically polarised waves in rain, k R^alpha (ITU-R P.838-3 eq. (1)).
+
+    Args:
+        rate_mm_h: Rain rate R [mm/h].
+        frequency_hz: Frequency [Hz].
+
+    Returns:
+        Attenuation [dB/km].
+    """
     log_f = math.log10(frequency_hz / 1e9)
 
     def fitted(table: _Fit) -> float:
@@ -60,7 +68,14 @@ def specific_attenuation_db_km(rate_mm_h: float, frequency_hz: float) -> float:
 
 
 def water_permittivity(frequency_hz: float) -> complex:
-    """Return the complex relative permittivity of water (imaginary part negative), ITU-R P.840-8."""
+    """Return the complex relative permittivity of water at 10 degrees C (ITU-R P.840-8).
+
+    Args:
+        frequency_hz: Frequency [Hz].
+
+    Returns:
+        Permittivity; losses make its imaginary part negative.
+    """
     theta, f_ghz = 300 / _TEMPERATURE_K, frequency_hz / 1e9
     eps0 = 77.66 + 103.3 * (theta - 1)
     eps1, eps2 = 0.0671 * eps0, 3.52
@@ -75,10 +90,17 @@ def water_permittivity(frequency_hz: float) -> complex:
 
 
 def mie_cross_sections(diameter_m: float, frequency_hz: float) -> tuple[float, float]:
-    """Return the radar cross-section and the extinction cross-section of a drop of water [m^2].
+    """Return radar and extinction cross-section of a drop of water (Bohren & Huffman 1983, ch. 4).
 
     sigma = lambda^2 / (4 pi) |sum (2n + 1) (-1)^n (a_n - b_n)|^2,
     extinction = lambda^2 / (2 pi) sum (2n + 1) Re(a_n + b_n).
+
+    Args:
+        diameter_m: Diameter of the drop [m].
+        frequency_hz: Frequency [Hz].
+
+    Returns:
+        Radar cross-section and extinction cross-section [m^2].
     """
     wavelength_m = SPEED_OF_LIGHT / frequency_hz
     x = math.pi * diameter_m / wavelength_m
@@ -101,16 +123,33 @@ def _riccati(n: NDArray, x: complex, bessel: Callable[..., NDArray]) -> tuple[ND
 
 @lru_cache(maxsize=8)
 def drops(rate_mm_h: float, frequency_hz: float) -> tuple[float, float]:
-    """Return the reflectivity [m^2/m^3] and the extinction [dB/km] of rain above 0 mm/h, drop by drop."""
+    """Return reflectivity and extinction of rain, summed over drop sizes (Marshall & Palmer 1948).
+
+    Args:
+        rate_mm_h: Rain rate, above 0 [mm/h].
+        frequency_hz: Frequency [Hz].
+
+    Returns:
+        Reflectivity [m^2/m^3] and extinction [dB/km].
+    """
     diameter_mm = (np.arange(700) + 0.5) * 0.01
-    density = 8000 * np.exp(-4.1 * rate_mm_h**-0.21 * diameter_mm) * 0.01  # drops of a cubic metre
+    density = 8000 * np.exp(-4.1 * rate_mm_h**-0.21 * diameter_mm) * 0.01  # drops per cubic metre
     sections = np.array([mie_cross_sections(each * 1e-3, frequency_hz) for each in diameter_mm])
     back, extinction = density @ sections
     return float(back), float(extinction * 1e3 * 10 / math.log(10))
 
 
 def rain_gain(range_m: NDArray, rate_mm_h: float, sensor: Sensor) -> NDArray[np.float64]:
-    """Return what rain leaves of the amplitude of echoes at ranges [m], there and back."""
+    """Return the two-way amplitude gain of rain.
+
+    Args:
+        range_m: Ranges of echoes, of any shape [m].
+        rate_mm_h: Rain rate [mm/h].
+        sensor: The radar.
+
+    Returns:
+        Factors on the amplitude, of the same shape, at most 1.
+    """
     lost_db = specific_attenuation_db_km(rate_mm_h, sensor.carrier_hz) * 2e-3 * np.asarray(range_m)
     return np.sqrt(power_ratio(-lost_db))
 
@@ -118,24 +157,40 @@ def rain_gain(range_m: NDArray, rate_mm_h: float, sensor: Sensor) -> NDArray[np.
 def rain_power_w(
     sensor: Sensor, antenna: Antenna, *, rate_mm_h: float, clear: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return the mean power of rain in each bin of the grid (azimuths, fft_size / 2) [W].
+    """Return the mean power of the echoes of rain in each bin of the grid.
 
-    A shell of thickness dr sends back link / (4 pi) eta dr / r^2 times the pattern's solid angle. `clear`, of
-    the same shape, is the share of the beam that gets so far: neither through the road nor through houses.
-    What stands on the vehicle takes its share as well.
+    A shell of thickness dr returns link / (4 pi) eta dr / r^2 times the solid angle of the two-way pattern.
+    Objects on the vehicle attenuate it as they do echoes.
+
+    Args:
+        sensor: The radar.
+        antenna: Its patterns.
+        rate_mm_h: Rain rate, above 0 [mm/h].
+        clear: Share of the beam that reaches each bin, ended by neither road nor buildings (azimuths,
+            fft_size / 2).
+
+    Returns:
+        Mean powers (azimuths, fft_size / 2) float32 [W].
     """
     range_m = (np.arange(sensor.fft_size // 2) + BIN_CENTRE) * sensor.bin_m
     reflectivity, _ = drops(rate_mm_h, sensor.carrier_hz)
     shell = link_w_m2(sensor) / (4 * math.pi) * reflectivity * sensor.bin_m * antenna.two_way_energy_sr
-    heard = (range_m > _NEAREST_M) & (range_m < sensor.range_m)
-    power = shell / range_m**2 * heard * rain_gain(range_m, rate_mm_h, sensor) ** 2
+    in_range = (range_m > _NEAREST_M) & (range_m < sensor.range_m)
+    power = shell / range_m**2 * in_range * rain_gain(range_m, rate_mm_h, sensor) ** 2
     return clear * np.outer(power_ratio(-sensor.row_loss_db), power).astype(np.float32)
 
 
 def rain_grid(power_w: NDArray[np.float32], *, rng: np.random.Generator) -> NDArray[np.complex64]:
-    """Draw the echoes of rain of a mean power [W] (azimuths, bins) complex64 [sqrt(W)].
+    """Draw the echoes of rain, circular complex Gaussian.
 
-    Drops fall past each other within a millisecond, so that every row and bin is drawn anew.
+    Drops rearrange within a millisecond, so every azimuth and bin is drawn independently.
+
+    Args:
+        power_w: Mean powers (azimuths, bins) float32 [W].
+        rng: Draws the amplitudes.
+
+    Returns:
+        Amplitudes (azimuths, bins) complex64 [sqrt(W)].
     """
     draws = rng.standard_normal((*power_w.shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
     draws *= np.sqrt(power_w / 2)

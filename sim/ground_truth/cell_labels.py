@@ -1,8 +1,8 @@
-"""What made each cell of a scan, known because the scan was made.
+"""Labels every cell of a polar scan with what made it, known because the scan was simulated.
 
-The receiver tells how much of a cell's power echoes, noise and distortion have alone; the largest names the
-cell. Where that is echoes, those within whose point spread the cell lies say whether it is direct, a ghost or
-a sidelobe of the beam, and the strongest of that kind says which thing it was; what they do not explain is a
+The receiver gives the power that echoes, noise and distortion have alone in a cell; the largest labels it.
+Where that is echoes, those whose point spread covers the cell decide whether it is direct, a ghost or a
+sidelobe of the beam, and the strongest of that kind names the object. Power that they do not explain is a
 sidelobe of the range window.
 """
 
@@ -23,12 +23,19 @@ from echoscape.sim.sensor.sensor import Sensor
 from echoscape.sim.settings.artefacts import Artefacts
 
 EXPLAINED = 0.1
-"""Share of a cell's echo power that the echoes within the point spread must reach, added by power, to explain
-it: speckle adds them in any phase, so a cell may hold much more or less."""
+"""Share of the echo power of a cell that the echoes within the point spread, added by power, must reach to
+explain it: speckle adds them in any phase, so a cell may hold much more or less."""
 
 
 def mover_boxes(states: MoverStates) -> MoverBoxes:
-    """Return the boxes of the movers of a scan, at the middle of its rows."""
+    """Return the boxes of the moving objects of a scan at its middle azimuth.
+
+    Args:
+        states: The moving objects in reach, at each azimuth.
+
+    Returns:
+        Their boxes in the world frame.
+    """
     middle = states.state.shape[1] // 2
     prototypes = [mover.prototype for mover in states.movers]
     extent = np.array([prototype.extent_m for prototype in prototypes], np.float64).reshape(-1, 3)
@@ -44,7 +51,7 @@ def mover_boxes(states: MoverStates) -> MoverBoxes:
 
 
 def _spread_shape(sensor: Sensor, floor: float) -> NDArray[np.float32]:
-    """Return the point-spread power at whole steps from its peak (K + 1,), down to `floor`."""
+    """Return the power of the point spread at whole steps from its peak (K + 1,), down to `floor`."""
     offsets = np.arange(32) * PART_STEP
     tones = np.cos(2 * np.pi * offsets[:, None] * sample_times(sensor) / sensor.fft_size)
     weight = window(sensor) * sweep_ripple(sensor)
@@ -54,9 +61,15 @@ def _spread_shape(sensor: Sensor, floor: float) -> NDArray[np.float32]:
 
 
 class CellLabeller:
-    """Names the cells of a sensor's scans; holds what does not change from scan to scan."""
+    """Labels the cells of the scans of one sensor."""
 
     def __init__(self, sensor: Sensor, instance_class: NDArray[np.uint8]) -> None:
+        """Tabulate point spread, gain and leakage by range.
+
+        Args:
+            sensor: The radar.
+            instance_class: Class id of every instance id (I,) uint8.
+        """
         self._sensor = sensor
         self._classes = instance_class
         self._shape, self._skirt = (_spread_shape(sensor, floor) for floor in (0.01, 1e-4))
@@ -66,29 +79,41 @@ class CellLabeller:
         leak = np.abs(spectrum(beat(leakage_grid(sensor), sensor), sensor, step=PART_STEP)) ** 2
         self._leakage = (leak * (written_units(sensor) * range_gain(sensor, ranges))).astype(np.float32)
 
-    def strongest(self, echoes: Echoes) -> DominantEchoIndex:
-        """Return the strongest echoes about each cell, for all that is asked of a scan's echoes."""
+    def dominant_echoes(self, echoes: Echoes) -> DominantEchoIndex:
+        """Index the echoes of a scan by the cells that they dominate.
+
+        Args:
+            echoes: The echoes that reach the receiver.
+
+        Returns:
+            An index that labels under any setting of the receiver can share.
+        """
         return DominantEchoIndex(echoes, self._sensor, steps=self._steps)
 
     def label(
         self,
-        strongest: DominantEchoIndex,
+        dominant: DominantEchoIndex,
         received: Received,
         artefacts: Artefacts,
         *,
         rain_w: NDArray[np.float32] | None = None,
     ) -> CellTruth:
-        """Return the truth of every cell of a scan; pairs of bins share what echoes they hold.
+        """Label every cell of a scan; pairs of range bins share their echoes.
 
-        strongest: of the echoes that were received, from `strongest`.
+        Args:
+            dominant: The echoes that reached the receiver, from `dominant_echoes`.
+            received: The output of the receiver with its parts.
+            artefacts: Of which leakage counts.
+            rain_w: Mean power of rain on the grid (azimuths, fft_size / 2) [W]; None without rain.
 
-        rain_w (azimuths, fft_size / 2): mean power of rain in each bin of the grid [W], None without any.
+        Returns:
+            Component, object and bounce order of each cell (azimuths, bins).
         """
         component = self._largest(received)
         cells = np.flatnonzero(component == Component.DIRECT)
         echo = received.echo.ravel()[cells]
         step = cells % self._steps
-        found = self._explained(strongest, cells, echo)
+        found = self._explained(dominant, cells, echo)
         power, kind = found.power, found.kind
         explained = power * self._unit_gain[step] >= EXPLAINED * echo
         kind = np.where(explained, kind, np.uint8(Component.SIDELOBE))
@@ -102,17 +127,17 @@ class CellLabeller:
             kind = np.where(leaks, np.uint8(Component.LEAKAGE), kind)
             explained &= ~leaks
         component.ravel()[cells] = kind
-        named = self._filled(strongest.echoes, component, cells[explained], found.source[explained])
-        # What the quantiser cannot tell from nothing is noise, whatever it came from.
-        return _by_bin(named, heard=received.power >= LEAST_POWER)
+        named = self._filled(dominant.echoes, component, cells[explained], found.source[explained])
+        # Power below the first code of the quantiser is noise, whatever it came from.
+        return _by_bin(named, written=received.power >= LEAST_POWER)
 
     def _rain(self, rain_w: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the mean written power of rain in every step of every row (A, S)."""
-        bins = (np.sum(self._shape) * 2 - 1) * PART_STEP  # over which the point spread reaches, by power
+        """Return the mean written power of rain at every step of every azimuth (A, S)."""
+        bins = (np.sum(self._shape) * 2 - 1) * PART_STEP  # equivalent width of the point spread, by power
         return (rain_w[:, : self._sensor.bins : PART_STEP] * (bins * self._unit_gain)).astype(np.float32)
 
     def _largest(self, received: Received) -> NDArray[np.uint8]:
-        """Return NOISE, DIRECT (any echo), SPOKE or INTERFERENCE by the largest of a cell's parts."""
+        """Return NOISE, DIRECT (any echo), SPOKE or INTERFERENCE by the largest part of each cell."""
         component = np.full(received.echo.shape, Component.NOISE, np.uint8)
         echo = (received.echo > received.noise) & (received.echo >= received.distortion)
         component[echo] = Component.DIRECT
@@ -123,16 +148,16 @@ class CellLabeller:
         return component
 
     def _explained(
-        self, strongest: DominantEchoIndex, cells: NDArray[np.int64], echo: NDArray[np.float32]
+        self, dominant: DominantEchoIndex, cells: NDArray[np.int64], echo: NDArray[np.float32]
     ) -> DominantEchoes:
-        """Return what echoes bring to flat cell numbers (C,).
+        """Return the echoes that dominate flat cell numbers (C,).
 
-        Cells whose echo power `echo` (C,) is not explained so, but by the skirt of ghosts, are those ghosts'.
+        Cells whose echo power `echo` (C,) is explained by the skirt of ghosts alone belong to these ghosts.
         """
-        found = strongest.within(self._shape, cells)
+        found = dominant.within(self._shape, cells)
         gain = self._unit_gain[cells % self._steps]
         weak = np.flatnonzero(found.power * gain < EXPLAINED * echo)
-        skirt = strongest.within(self._skirt, cells[weak])
+        skirt = dominant.within(self._skirt, cells[weak])
         ghosts = (skirt.kind == Component.GHOST) & (skirt.power * gain[weak] >= EXPLAINED * echo[weak])
         of_ghosts, taken = weak[ghosts], np.flatnonzero(ghosts)
         for into, values in zip(vars(found).values(), vars(skirt.at(taken)).values(), strict=True):
@@ -146,7 +171,7 @@ class CellLabeller:
         cells: NDArray[np.int64],
         source: NDArray[np.uint32],
     ) -> CellTruth:
-        """Return the truth with the things of the named cells filled in."""
+        """Return the labels with the objects of the given cells filled in."""
         size, shape = component.size, component.shape
         instance = np.zeros(size, np.uint32)
         class_id, bounces, moving = (
@@ -167,15 +192,15 @@ class CellLabeller:
         )
 
 
-def _by_bin(steps: CellTruth, *, heard: NDArray[np.bool_]) -> CellTruth:
-    """Return the truth of every bin from that of steps of PART_STEP bins, blank where nothing is `heard`."""
+def _by_bin(steps: CellTruth, *, written: NDArray[np.bool_]) -> CellTruth:
+    """Return the labels of all bins from those of steps of PART_STEP bins, 0 where nothing is `written`."""
 
     def widened(values: NDArray) -> NDArray:
-        # Two neighbours of a type are one number of twice its size: faster than repeating them one by one.
+        # Two equal neighbours are one number of twice the size: faster than repeating them one by one.
         bits = 8 * values.itemsize
         pairs = values.view(f"u{values.itemsize}").astype(f"u{PART_STEP * values.itemsize}")
         pairs |= pairs << bits
-        return pairs.view(values.dtype)[:, : heard.shape[1]] * heard
+        return pairs.view(values.dtype)[:, : written.shape[1]] * written
 
     return CellTruth(
         component=widened(steps.component),

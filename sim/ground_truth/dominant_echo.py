@@ -1,7 +1,7 @@
-"""The strongest echoes about each cell of a scan: how much power, of which kind, from which return.
+"""The echoes that dominate each cell of a scan: their power, their kind, and the strongest return.
 
-Echoes are summed by step of range and kind once; cells are asked for as settings of artefacts need them, and
-what one setting asked serves the next.
+Echoes are summed by range step and kind once. What is asked about a cell is kept (a pure memo: neither the
+order nor the number of questions changes an answer), since settings of the receiver ask about the same cells.
 """
 
 from collections.abc import Iterator
@@ -23,10 +23,12 @@ KINDS = (Component.DIRECT, Component.GHOST, Component.SIDELOBE)
 
 @dataclass(frozen=True)
 class DominantEchoes:
-    """What echoes bring to C cells.
+    """The echoes that dominate C cells.
 
-    power (C,) float32: all that they spread there [W]; kind (C,) uint8: that with most of it; source (C,)
-    uint32: the return of the strongest echo of that kind.
+    Attributes:
+        power: Power of all echoes under the point spread (C,) float32 [W].
+        kind: The component with most of it (C,) uint8: direct, ghost or sidelobe.
+        source: Return path of the strongest echo of this kind (C,) uint32.
     """
 
     power: NDArray[np.float32]
@@ -34,14 +36,28 @@ class DominantEchoes:
     source: NDArray[np.uint32]
 
     def at(self, cells: NDArray[np.int64]) -> "DominantEchoes":
-        """Return what some of the cells hold."""
+        """Return some of the cells.
+
+        Args:
+            cells: Indices of the cells (K,).
+
+        Returns:
+            Their dominant echoes (K).
+        """
         return DominantEchoes(self.power[cells], self.kind[cells], self.source[cells])
 
 
 class DominantEchoIndex:
-    """Tells what the echoes of a scan bring to its cells: rows of `steps` steps of PART_STEP bins."""
+    """The dominant echoes of the cells of one scan; a cell is an azimuth and a step of PART_STEP bins."""
 
     def __init__(self, echoes: Echoes, sensor: Sensor, *, steps: int) -> None:
+        """Take the echoes.
+
+        Args:
+            echoes: The echoes that reach the receiver.
+            sensor: The radar.
+            steps: Number of steps per azimuth.
+        """
         self.echoes = echoes
         self._steps = steps
         self._cells = sensor.azimuths * steps
@@ -50,16 +66,16 @@ class DominantEchoIndex:
 
     @cached_property
     def _summed(self) -> "tuple[mi.Float, mi.UInt64]":
-        """The echoes' power by cell and kind, and the strongest of them with its return.
+        """The power of the echoes by cell and kind, and the strongest of them with its return path.
 
-        The largest (power, return) pair is found with an integer maximum, which no order of work changes.
+        The largest (power, return) pair is an integer maximum, which does not depend on the order of work.
         """
         echoes, sensor, kinds = self.echoes, self._sensor, len(KINDS)
-        place = ((grid_place(echoes.range_m, sensor) + 0.5) * (1 / PART_STEP)).astype(np.int32)
-        np.clip(place, 0, self._steps - 1, out=place)
+        step = ((grid_place(echoes.range_m, sensor) + 0.5) * (1 / PART_STEP)).astype(np.int32)
+        np.clip(step, 0, self._steps - 1, out=step)
         ghost = (echoes.returns.bounces > 1).astype(np.int32)[echoes.source]
         kind = np.where(echoes.sidelobe, np.int32(2), ghost)
-        number = (echoes.azimuth * np.int32(self._steps) + place) * np.int32(kinds) + kind
+        number = (echoes.azimuth * np.int32(self._steps) + step) * np.int32(kinds) + kind
         power = np.square(echoes.amplitude.real) + np.square(echoes.amplitude.imag)
         size = self._cells * kinds
         total = mi.Float(np.bincount(number, power, size).astype(np.float32))
@@ -71,23 +87,28 @@ class DominantEchoIndex:
         return total, best
 
     def within(self, shape: NDArray[np.float32], cells: NDArray[np.int64]) -> DominantEchoes:
-        """Return what echoes bring to flat cell numbers (C,) under a point spread.
+        """Return the echoes that dominate cells under a point spread.
 
-        shape (K + 1,): its power at whole steps from its peak.
+        Args:
+            shape: Power of the point spread at whole steps from its peak (K + 1,), 1 at the peak.
+            cells: Flat cell numbers, azimuth * steps + step (C,).
+
+        Returns:
+            The dominant echoes (C).
         """
         if len(self.echoes) == 0:
             count = len(cells)
             return DominantEchoes(
                 np.zeros(count, np.float32), np.zeros(count, np.uint8), np.zeros(count, np.uint32)
             )
-        known, found = self._known.setdefault(len(shape), self._unknown())
+        known, found = self._known.setdefault(len(shape), self._empty())
         new = cells[~known[cells]]
         if len(new):
             found.power[new], found.kind[new], found.source[new] = self._spread(shape, new)
             known[new] = True
         return found.at(cells)
 
-    def _unknown(self) -> tuple[NDArray[np.bool_], DominantEchoes]:
+    def _empty(self) -> tuple[NDArray[np.bool_], DominantEchoes]:
         size = self._cells
         nothing = DominantEchoes(
             np.empty(size, np.float32), np.empty(size, np.uint8), np.empty(size, np.uint32)
@@ -97,19 +118,19 @@ class DominantEchoIndex:
     def _spread(
         self, shape: NDArray[np.float32], cells: NDArray[np.int64]
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
-        """Return the power spread over each cell, the kind with most of it, and its strongest return."""
+        """Return power, dominant kind and strongest return path of each cell."""
         total, best = self._summed
         kinds = len(KINDS)
-        rows, steps = np.divmod(cells.astype(np.uint32), np.uint32(self._steps))
-        row, step = mi.UInt32(rows), mi.UInt32(steps)
+        azimuths, steps = np.divmod(cells.astype(np.uint32), np.uint32(self._steps))
+        azimuth, step = mi.UInt32(azimuths), mi.UInt32(steps)
         sums = [mi.Float(0) for _ in KINDS]
-        for share, place, valid in self._neighbours(row, step, shape):
+        for share, place, valid in self._neighbours(azimuth, step, shape):
             for kind in range(kinds):
                 sums[kind] += dr.gather(mi.Float, total, place * kinds + kind, valid) * share
         most = dr.select(sums[1] > sums[0], mi.UInt32(1), 0)
         most = dr.select(sums[2] > dr.maximum(sums[0], sums[1]), 2, most)
         largest, source = mi.Float(-1), mi.UInt32(0)
-        for share, place, valid in self._neighbours(row, step, shape):
+        for share, place, valid in self._neighbours(azimuth, step, shape):
             pair = dr.gather(mi.UInt64, best, place * kinds + most, valid)
             power = dr.reinterpret_array(mi.Float, mi.UInt32(pair >> 32)) * share
             better = valid & (power > largest)
@@ -120,10 +141,10 @@ class DominantEchoIndex:
         return power.numpy(), np.array(KINDS, np.uint8)[most.numpy()], source.numpy()
 
     def _neighbours(
-        self, row: "mi.UInt32", step: "mi.UInt32", shape: NDArray[np.float32]
+        self, azimuth: "mi.UInt32", step: "mi.UInt32", shape: NDArray[np.float32]
     ) -> "Iterator[tuple[float, mi.UInt32, mi.Bool]]":
-        """Yield share, number and existence of each step along range within the point spread."""
+        """Yield share, number and existence of each step in range within the point spread."""
         for offset in range(-len(shape) + 1, len(shape)):
             place = mi.Int32(step) + offset
             valid = (place >= 0) & (place < self._steps)
-            yield float(shape[abs(offset)]), mi.UInt32(mi.Int32(row * self._steps) + place), valid
+            yield float(shape[abs(offset)]), mi.UInt32(mi.Int32(azimuth * self._steps) + place), valid

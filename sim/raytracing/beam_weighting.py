@@ -1,13 +1,14 @@
-"""Which rows hear a return, how loud, from how far: the beam, the path at that row's pose, and Doppler.
+"""The azimuths that receive a return: gain of the beam, range and phase at the pose of each, Doppler shift.
 
-A return found by a ray of one row is heard by all rows whose beam covers it. Range and phase are computed
-from each row's own position; a thing's own motion between the rows shifts its range.
+A return found by a ray of one azimuth is received by all azimuths whose beam covers it. Range and phase are
+computed from the antenna position of each; the motion of the object between azimuths shifts its range.
 
-Rows are of one turn: across the seam between the last and the first row lie directions that are as near, at
-times almost a turn apart. What a row's main lobe hears there, rays of its own side of the seam found, at its
-own time; its sidelobes hear what rays of the other side found, as far as it is from where the row's antenna
-is, with the phase that it would have had the turn gone on (so that the paths of a corner stay in step). Of
-what moved meanwhile, that takes the radial motion alone; what it hides by then is as it was.
+Azimuths belong to one scan. Across the seam between its last and its first azimuth lie directions that are
+just as near, though measured almost a revolution apart. There the main lobe of an azimuth receives what rays
+of its own side of the seam found, at its own time. Its sidelobes receive what rays of the other side found,
+at the range from the antenna position of the azimuth and with the phase that they would have had if the scan
+had continued (so that the paths of a corner stay in phase). Of motion in the meantime this takes into account
+the radial part only, and occlusion is as it was at the time of the ray.
 """
 
 import math
@@ -16,24 +17,30 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
 from echoscape.sim.numerics.decibels import power_ratio
 from echoscape.sim.raytracing.bounces import ReturnPaths, picked
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
+from echoscape.sim.raytracing.scan_state import PoseTables
 from echoscape.sim.sensor.antenna import Antenna
 from echoscape.sim.sensor.sensor import Sensor
 
-MAIN_ROWS = 3
-"""Rows to each side that belong to the main lobe (2.7 deg, -28 dB two-way); beyond them lie sidelobes."""
+MAIN_AZIMUTHS = 3
+"""Azimuths to each side that belong to the main lobe (2.7 deg, -28 dB two-way); beyond lie sidelobes."""
 _LEVELS = 256
 _LEVEL_DB = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
 class BeamEchoes:
-    """Echoes of one group of returns as NumPy arrays; see `Echoes` for their meaning."""
+    """The E echoes of one group of return paths as NumPy arrays.
 
-    row: NDArray[np.int32]
+    Attributes:
+        azimuth: As in `sim.echoes.Echoes` (E,) int32; so are `range_m` float64, `amplitude` complex64,
+            `mean_power` float32, `sidelobe` bool and `closing_mps` float32.
+        source: Index into the return paths of the group (E,) uint32.
+    """
+
+    azimuth: NDArray[np.int32]
     range_m: NDArray[np.float64]
     amplitude: NDArray[np.complex64]
     mean_power: NDArray[np.float32]
@@ -43,159 +50,180 @@ class BeamEchoes:
 
 
 class BeamWeighting:
-    """Spreads return paths over the rows that hear them."""
+    """Weights return paths with the azimuth pattern of every azimuth that receives them."""
 
     def __init__(self, sensor: Sensor, antenna: Antenna, *, floor_w: float) -> None:
+        """Tabulate the azimuth pattern.
+
+        Args:
+            sensor: The radar.
+            antenna: Its patterns.
+            floor_w: Mean power below which echoes are left out [W].
+        """
         self._sensor = sensor
         self._floor_w = floor_w
         self._table = mi.Float(antenna.azimuth_two_way.astype(np.float32))
         self._steps = len(antenna.azimuth_two_way) - 1
         self._shift_s = sensor.doppler_shift_s
         self._shift_table = mi.Float(self._shift_s.astype(np.float32))
-        self._reach_rows = self._rows_by_level(antenna)
+        self._reach_azimuths = self._azimuths_by_level(antenna)
 
-    def _rows_by_level(self, antenna: Antenna) -> NDArray[np.int64]:
-        """Return how many rows to each side hear a return that is so many levels above the floor."""
-        # A return lies up to half a row from the row that points at it.
-        most = (self._sensor.azimuths - 1) // 2  # the whole turn, no row twice
+    def _azimuths_by_level(self, antenna: Antenna) -> NDArray[np.int64]:
+        """Return how many azimuths to each side receive a return, by its level above the floor."""
+        # A return lies up to half an azimuth from the azimuth that points at it.
+        most = (self._sensor.azimuths - 1) // 2  # the whole revolution, no azimuth twice
         offset = np.maximum(np.arange(most + 1) - 0.5, 0) * (2 * math.pi / self._sensor.azimuths)
         gain = np.interp(offset, antenna.azimuth_grid_rad, antenna.azimuth_two_way)
         level = power_ratio(np.arange(_LEVELS) * _LEVEL_DB)
         return np.array([np.flatnonzero(gain * each >= 1).max(initial=0) for each in level])
 
-    def place(self, poses: AzimuthPoses) -> None:
-        """Take the antenna's poses of a scan."""
-        self._position = mi.Float64(poses.position.ravel())
-        self._velocity = mi.Float(poses.velocity.astype(np.float32).ravel())
-        self._yaw = mi.Float(((poses.yaw + math.pi) % (2 * math.pi) - math.pi).astype(np.float32))
-        # The time between two rows enters only through the movers' own motion.
-        self._row_s = dr.opaque(mi.Float, poses.azimuth_period_s)
+    def largest_loop_gain(self, paths: ReturnPaths, poses: PoseTables) -> "mi.Float":
+        """Return the largest azimuth gain that any azimuth can have for paths that leave and return apart.
 
-    def _aside(self, towards: "mi.Vector3f", row: "mi.UInt32") -> "mi.Float":
-        """Return how far directions (N) lie to the right of a row's beam, -0.5 to 0.5 [turns]."""
-        spacing = 2 * math.pi / self._sensor.azimuths
-        heading = dr.gather(mi.Float, self._yaw, row) - mi.Float(row) * spacing
-        turns = (heading - dr.atan2(towards.y, towards.x)) * (1 / (2 * math.pi))
-        return turns - dr.round(turns)
+        Args:
+            paths: Return paths (N).
+            poses: The antenna in the scan.
 
-    def _azimuth_gain(self, aside: "mi.Float") -> "mi.Float":
-        """Return the two-way azimuth gain (peak about 1) at offsets (N) of -0.5 to 0.5 [turns]."""
-        place = (aside + 0.5) * self._steps
-        index = dr.clip(mi.UInt32(place), 0, self._steps - 1)
-        low, high = (dr.gather(mi.Float, self._table, index + k) for k in (0, 1))
-        return dr.lerp(low, high, place - mi.Float(index))
-
-    def loop_gain(self, paths: ReturnPaths) -> "mi.Float":
-        """Return the best azimuth gain that any row could have for paths that leave and come back apart."""
-        position = dr.gather(mi.Vector3d, self._position, paths.row)
+        Returns:
+            Two-way azimuth power gains (N), peak about 1.
+        """
+        position = dr.gather(mi.Vector3d, poses.position, paths.azimuth)
         out, back = mi.Vector3f(paths.out - position), mi.Vector3f(paths.back - position)
-        turn = dr.abs(dr.atan2(out.x * back.y - out.y * back.x, out.x * back.x + out.y * back.y))
+        angle = dr.abs(dr.atan2(out.x * back.y - out.y * back.x, out.x * back.x + out.y * back.y))
         # The product of both gains is largest half way between, or at either when they are far apart.
-        return dr.maximum(self._gain_at(turn / 2), dr.sqrt(self._gain_at(turn)))
+        return dr.maximum(self._gain_at(angle / 2), dr.sqrt(self._gain_at(angle)))
 
-    def _gain_at(self, offset: "mi.Float") -> "mi.Float":
-        """Return the two-way azimuth gain at an offset of 0 to pi [rad], to the nearest step."""
-        place = (offset * (1 / (2 * math.pi)) + 0.5) * self._steps
-        return dr.gather(mi.Float, self._table, dr.minimum(mi.UInt32(place + 0.5), self._steps))
+    def echoes(self, paths: ReturnPaths, poses: PoseTables) -> tuple[ReturnPaths, BeamEchoes] | None:
+        """Return the echoes of return paths in all azimuths that receive them.
 
-    def hear(self, paths: ReturnPaths) -> tuple[ReturnPaths, BeamEchoes] | None:
-        """Return the paths that are heard at all and their echoes, or None."""
+        Args:
+            paths: Return paths (N).
+            poses: The antenna in the scan.
+
+        Returns:
+            The paths above the floor, and their echoes; None where there are none.
+        """
         dr.eval(paths)
         index = dr.compress(paths.power > self._floor_w)
         if len(index) == 0:
             return None
         kept = picked(paths, index)
-        middle = self._middle_row(kept)
+        middle = self._nearest_azimuth(kept, poses)
         level = dr.log(kept.power * (1 / self._floor_w)) * (10 / math.log(10) / _LEVEL_DB)
         dr.eval(kept, middle, level)
-        reach = self._reach_rows[np.minimum(level.numpy().astype(np.int64) + 1, _LEVELS - 1)]
+        reach = self._reach_azimuths[np.minimum(level.numpy().astype(np.int64) + 1, _LEVELS - 1)]
         counts = 2 * reach + 1
         source = np.repeat(np.arange(len(counts), dtype=np.uint32), counts)
         starts = np.cumsum(counts) - counts + reach
         offset = (np.arange(len(source)) - starts[source]).astype(np.int32)
-        return kept, self._spread(kept, middle, mi.UInt32(source), offset)
+        return kept, self._spread(kept, poses, middle, mi.UInt32(source), offset)
 
-    def _middle_row(self, paths: ReturnPaths) -> "mi.Int32":
-        """Return the row whose beam points nearest to where the path leaves, by its home row's pose.
+    def _off_boresight(self, towards: "mi.Vector3f", azimuth: "mi.UInt32", poses: PoseTables) -> "mi.Float":
+        """Return how far directions (N) lie to the right of the beam, -0.5 to 0.5 [revolutions]."""
+        spacing = 2 * math.pi / self._sensor.azimuths
+        heading = dr.gather(mi.Float, poses.yaw, azimuth) - mi.Float(azimuth) * spacing
+        offset = (heading - dr.atan2(towards.y, towards.x)) * (1 / (2 * math.pi))
+        return offset - dr.round(offset)
 
-        Counted from the home row: below 0 or beyond the last row where the path leaves across the seam
-        between the scan's end and its start.
+    def _azimuth_gain(self, offset: "mi.Float") -> "mi.Float":
+        """Return the two-way azimuth gain, peak about 1, at offsets (N) of -0.5 to 0.5 [revolutions]."""
+        step = (offset + 0.5) * self._steps
+        index = dr.clip(mi.UInt32(step), 0, self._steps - 1)
+        low, high = (dr.gather(mi.Float, self._table, index + k) for k in (0, 1))
+        return dr.lerp(low, high, step - mi.Float(index))
+
+    def _gain_at(self, offset: "mi.Float") -> "mi.Float":
+        """Return the two-way azimuth gain at an offset of 0 to pi [rad], to the nearest step."""
+        step = (offset * (1 / (2 * math.pi)) + 0.5) * self._steps
+        return dr.gather(mi.Float, self._table, dr.minimum(mi.UInt32(step + 0.5), self._steps))
+
+    def _nearest_azimuth(self, paths: ReturnPaths, poses: PoseTables) -> "mi.Int32":
+        """Return the azimuth whose beam points nearest to the first leg, by the pose of the ray's azimuth.
+
+        Counted from the azimuth of the ray: below 0 or beyond the last azimuth where the first leg lies
+        across the seam between the end of the scan and its start.
         """
-        position = dr.gather(mi.Vector3d, self._position, paths.row)
+        position = dr.gather(mi.Vector3d, poses.position, paths.azimuth)
         towards = mi.Vector3f(paths.out - position)
-        turns = (dr.gather(mi.Float, self._yaw, paths.row) - dr.atan2(towards.y, towards.x)) / (2 * math.pi)
-        away = turns - mi.Float(paths.row) * (1 / self._sensor.azimuths)
-        return mi.Int32(paths.row) + mi.Int32(dr.round((away - dr.round(away)) * self._sensor.azimuths))
+        bearing = dr.gather(mi.Float, poses.yaw, paths.azimuth) - dr.atan2(towards.y, towards.x)
+        away = bearing / (2 * math.pi) - mi.Float(paths.azimuth) * (1 / self._sensor.azimuths)
+        return mi.Int32(paths.azimuth) + mi.Int32(dr.round((away - dr.round(away)) * self._sensor.azimuths))
 
     def _spread(
-        self, paths: ReturnPaths, middle: "mi.Int32", source: "mi.UInt32", offset: NDArray[np.int32]
+        self,
+        paths: ReturnPaths,
+        poses: PoseTables,
+        middle: "mi.Int32",
+        source: "mi.UInt32",
+        offset: NDArray[np.int32],
     ) -> BeamEchoes:
-        """Return the echoes of `paths[source]` in the rows `offset` (N,) away from the one pointing there."""
+        """Return the echoes of `paths[source]` in the azimuths `offset` (N,) away from the nearest one."""
         azimuths = self._sensor.azimuths
-        place = dr.gather(mi.Int32, middle, source) + mi.Int32(offset)
-        row = mi.UInt32((place + azimuths) % azimuths)
+        unwrapped = dr.gather(mi.Int32, middle, source) + mi.Int32(offset)
+        azimuth = mi.UInt32((unwrapped + azimuths) % azimuths)
         path = picked(paths, source)
-        position = mi.Point3d(dr.gather(mi.Vector3d, self._position, row))
+        position = mi.Point3d(dr.gather(mi.Vector3d, poses.position, azimuth))
         out_m, out32 = _length_and_direction(path.out - position)
-        aside = self._aside(out32, row)
-        whole = self._counts(place, row, aside)
-        both = self._azimuth_gain(aside)
+        off_boresight = self._off_boresight(out32, azimuth, poses)
+        counts = self._counts(unwrapped, azimuth, off_boresight)
+        gain = self._azimuth_gain(off_boresight)
         if paths.back is paths.out:
             half, mean32 = out_m, out32
         else:
             back_m, back32 = _length_and_direction(path.back - position)
-            both = dr.sqrt(both * self._azimuth_gain(self._aside(back32, row)))
+            gain = dr.sqrt(gain * self._azimuth_gain(self._off_boresight(back32, azimuth, poses)))
             half, mean32 = (out_m + back_m) * 0.5, (out32 + back32) * 0.5
-        power = path.power * both
-        later = (mi.Float(row) - mi.Float(path.row)) * self._row_s
+        power = path.power * gain
+        later = (mi.Float(azimuth) - mi.Float(path.azimuth)) * poses.azimuth_period_s
         half += mi.Float64(path.drift * later)
-        closing = dr.dot(dr.gather(mi.Vector3f, self._velocity, row), mean32) - path.drift
-        apparent = half + mi.Float64(closing * self._range_shift(row))
-        audible = whole & (power > self._floor_w) & (apparent > 0) & (apparent < self._sensor.range_m * 1.02)
-        # Across the seam phases are those of a turn that had gone on, so that what came in step still does.
-        ahead = (mi.Float(row) - mi.Float(place)) * self._row_s
+        closing = dr.dot(dr.gather(mi.Vector3f, poses.velocity, azimuth), mean32) - path.drift
+        apparent = half + mi.Float64(closing * self._range_shift(azimuth))
+        in_range = (apparent > 0) & (apparent < self._sensor.range_m * 1.02)
+        received = counts & (power > self._floor_w) & in_range
+        # Across the seam phases are those of a scan that continues, so that paths in phase stay so.
+        ahead = (mi.Float(azimuth) - mi.Float(unwrapped)) * poses.azimuth_period_s
         real, imag = self._phased(half + mi.Float64(closing * ahead), dr.sqrt(power), path)
-        results = [mi.Int32(row), apparent, real, imag, power, source, closing, mi.Int32(offset)]
-        dr.eval(audible, *results)
-        keep = dr.compress(audible)
+        results = [mi.Int32(azimuth), apparent, real, imag, power, source, closing, mi.Int32(offset)]
+        dr.eval(received, *results)
+        keep = dr.compress(received)
         results = [dr.gather(type(array), array, keep) for array in results]
         dr.eval(*results)
-        row_, range_m, re, im, mean, origin, speed, offset = (array.numpy() for array in results)
-        amplitude = np.empty(len(row_), np.complex64)
+        azimuth_, range_m, re, im, mean, origin, speed, offset = (array.numpy() for array in results)
+        amplitude = np.empty(len(azimuth_), np.complex64)
         amplitude.real, amplitude.imag = re, im
         return BeamEchoes(
-            row=row_,
+            azimuth=azimuth_,
             range_m=range_m,
             amplitude=amplitude,
             mean_power=mean,
             source=origin,
-            sidelobe=np.abs(offset) > MAIN_ROWS,
+            sidelobe=np.abs(offset) > MAIN_AZIMUTHS,
             closing_mps=speed,
         )
 
-    def _counts(self, place: "mi.Int32", row: "mi.UInt32", aside: "mi.Float") -> "mi.Bool":
-        """Return whether paths found from rows about `place` (N) are what `row`, that place, hears there.
+    def _counts(self, unwrapped: "mi.Int32", azimuth: "mi.UInt32", off_boresight: "mi.Float") -> "mi.Bool":
+        """Return whether paths count in `azimuth`, whose number before wrapping is `unwrapped` (N).
 
-        Places below 0 or beyond the last row lie across the seam. Rays of both sides reach across it, so each
-        direction counts for a row from one side only: within the row's main lobe, and where it lies on this
-        side of the seam for the row, from this side; else from the other.
+        Numbers below 0 or beyond the last azimuth lie across the seam. Rays of both sides reach across it, so
+        each direction counts in an azimuth from one side only: within the main lobe, and where it lies on
+        the azimuth's side of the seam, from that side; otherwise from the other.
         """
         azimuths = self._sensor.azimuths
-        rows = aside * azimuths
-        points_at = mi.Float(row) + rows
+        offset = off_boresight * azimuths
+        points_at = mi.Float(azimuth) + offset
         across = (points_at < -0.5) | (points_at >= azimuths - 0.5)
-        other_side = across & (dr.abs(rows) > MAIN_ROWS + 0.5)
-        found_here = (place >= 0) & (place < azimuths)
+        other_side = across & (dr.abs(offset) > MAIN_AZIMUTHS + 0.5)
+        found_here = (unwrapped >= 0) & (unwrapped < azimuths)
         return found_here ^ other_side
 
-    def _range_shift(self, row: "mi.UInt32") -> "mi.Float | float":
-        """Return the range shift by closing speed [s] of each row."""
+    def _range_shift(self, azimuth: "mi.UInt32") -> "mi.Float | float":
+        """Return the range shift per closing speed of each azimuth [m per m/s]."""
         if (self._shift_s == self._shift_s[0]).all():
             return float(self._shift_s[0])
-        return dr.gather(mi.Float, self._shift_table, row)
+        return dr.gather(mi.Float, self._shift_table, azimuth)
 
     def _phased(self, half: "mi.Float64", size: "mi.Float", path: ReturnPaths) -> "tuple[mi.Float, mi.Float]":
-        """Return real and imaginary part of an amplitude after the carrier's phase -4 pi r / lambda."""
+        """Return real and imaginary part of an amplitude with the phase of the carrier, -4 pi r / lambda."""
         cycles = half * (2 / self._sensor.wavelength_m)
         phase = mi.Float(cycles - dr.floor(cycles)) * (-2 * math.pi)
         sine, cosine = dr.sincos(phase)

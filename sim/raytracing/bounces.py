@@ -1,11 +1,12 @@
-"""Ray paths: how a bundle of rays goes on from surface to surface and what comes back from each.
+"""Bounces: the power that returns from each surface that rays meet, and the rays reflected onwards.
 
-Each ray carries a share of the outgoing power, so a return falls with 1/R^2 in a ray and the spreading of
-the other way lies in how few rays meet a distant thing. With BRDF f, gain G and density p of rays [1/sr]:
+Each ray carries a share of the transmitted power, so the power of its return falls with 1/R^2; the spreading
+on the outward path shows in the number of rays that meet a distant object. With BRDF f, gain G and density p
+of rays [1/sr]:
 
     P = Pt lambda^2 / (4 pi)^2  G(out) G(back) |Gamma_1|^2 ... |Gamma_k|^2  f cos / R_back^2  / p
 
-R_back is the unfolded length of the way back (radar equation for distributed targets; Ulaby & Long 2014).
+R_back is the unfolded length of the return path (radar equation for distributed targets; Ulaby & Long 2014).
 """
 
 import math
@@ -14,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from echoscape.sim.raytracing.intersection import Hits, turned
+from echoscape.sim.raytracing.intersection import Hits, rotated_about_z
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.surface.scattering import Surfaces
 from echoscape.sim.raytracing.surface.speckle import (
@@ -27,24 +28,34 @@ from echoscape.sim.raytracing.surface.speckle import (
 from echoscape.sim.raytracing.surface.texture import Texture
 
 _SKIN_M = 1e-3
-"""A ray goes on this far above the surface that it left."""
+"""Reflected rays start this far above the surface [m]."""
 
 
 @dataclass
 class RayBatch:
-    """N rays on their way, as Dr.Jit arrays.
+    """N rays, as Dr.Jit arrays.
 
-    origin [m], direction (double); travelled: unfolded length so far [m] (double); weight: product of mirror
-    power reflectivities; row: home row; number: of the ray in its scan; density [1/sr]; gain: one-way
-    elevation gain towards the first leg; start and heading: the first leg's origin and direction;
-    only_targets: no surface so far was anything but a coherent target.
+    Attributes:
+        origin: Origins, double [m].
+        direction: Unit directions, double.
+        travelled: Unfolded length so far, double [m].
+        weight: Product of the mirror power reflectivities so far.
+        azimuth: Number of the azimuth that the ray was sent for.
+        number: Number of the ray in its scan.
+        density: Rays per solid angle [1/sr].
+        gain: One-way elevation gain towards the first leg.
+        drift: Rate of change of the path length by moving surfaces so far [m/s].
+        moved: Whether a surface so far moves.
+        start: Origin of the first leg, double [m].
+        heading: Direction of the first leg, double.
+        only_targets: Whether all surfaces so far were coherent targets.
     """
 
     origin: "mi.Point3d"
     direction: "mi.Vector3d"
     travelled: "mi.Float64"
     weight: "mi.Float"
-    row: "mi.UInt32"
+    azimuth: "mi.UInt32"
     number: "mi.UInt32"
     density: "mi.Float"
     gain: "mi.Float"
@@ -57,12 +68,21 @@ class RayBatch:
 
 @dataclass
 class ReturnPaths:
-    """Paths that come back, as Dr.Jit arrays.
+    """N paths that return to the antenna, as Dr.Jit arrays.
 
-    out, back: where the path's two ends seem to lie, unfolded [m] (double); power: mean received power but
-    for the azimuth gain [W]; real, imag: unit-mean-power complex Gaussian of the scatterer; drift: rate of
-    the half path by the things' own motion [m/s]; row: home row; number: of the ray; material, instance,
-    moving: of the last thing met.
+    Attributes:
+        out: Image of the reflecting point along the first leg, unfolded, double [m].
+        back: Its image along the last leg, double [m]; the same array where both legs coincide.
+        power: Mean received power before the azimuth gain [W].
+        real: Real part of the scatterer's unit-power circular Gaussian.
+        imag: Imaginary part.
+        drift: Rate of change of half the path length by moving surfaces [m/s].
+        azimuth: Number of the azimuth that the ray was sent for.
+        number: Number of the ray in its scan.
+        material: Material id of the last surface.
+        instance: Instance id of the last surface.
+        moving: Whether a surface on the path moves.
+        bounces: Surfaces met out and back.
     """
 
     out: "mi.Point3d"
@@ -71,7 +91,7 @@ class ReturnPaths:
     real: "mi.Float"
     imag: "mi.Float"
     drift: "mi.Float"
-    row: "mi.UInt32"
+    azimuth: "mi.UInt32"
     number: "mi.UInt32"
     material: "mi.UInt32"
     instance: "mi.UInt32"
@@ -84,10 +104,17 @@ _Vector = TypeVar("_Vector", "mi.Vector3f", "mi.Vector3d")
 
 
 def picked(arrays: _Bundle, index: "mi.UInt32") -> _Bundle:
-    """Return a dataclass of evaluated Dr.Jit arrays with only the entries at `index`.
+    """Return some entries of a batch of rays, paths or hits.
 
-    A field that is the same object as another stays so. (Sources that are not evaluated yet would each cost a
-    kernel of their own: call `dr.eval` on the dataclass first.)
+    Fields that are one array stay one array. Call `dr.eval` on the batch first: each array that is not
+    evaluated yet would cost a kernel of its own.
+
+    Args:
+        arrays: Dataclass of evaluated Dr.Jit arrays (N).
+        index: Entries to take (K).
+
+    Returns:
+        The same dataclass with arrays (K).
     """
     taken: dict[int, Any] = {}
     for value in vars(arrays).values():
@@ -97,12 +124,12 @@ def picked(arrays: _Bundle, index: "mi.UInt32") -> _Bundle:
 
 
 def _unit(vector: "_Vector") -> "_Vector":
-    """Return vectors of length 1, by exact root and division: reciprocal estimates differ by processor."""
+    """Return unit vectors, by exact root and division: reciprocal estimates differ between processors."""
     return vector / dr.sqrt(dr.squared_norm(vector))
 
 
 def _te_share(direction: "mi.Vector3f", normal: "mi.Vector3f") -> "mi.Float":
-    """Return the share of a vertically polarised wave's power that is TE at a surface."""
+    """Return the share of the power of a vertically polarised wave that is TE at a surface."""
     across = dr.cross(direction, normal)
     up = mi.Vector3f(0, 0, 1) - direction * direction.z
     scale = dr.squared_norm(across) * dr.squared_norm(up)
@@ -111,7 +138,7 @@ def _te_share(direction: "mi.Vector3f", normal: "mi.Vector3f") -> "mi.Float":
 
 
 class BounceSampler:
-    """Turns hits into returns and into rays that go on; holds what does not change from scan to scan."""
+    """Turns hits into return paths and reflected rays, by the scattering of the materials."""
 
     def __init__(
         self,
@@ -121,7 +148,14 @@ class BounceSampler:
         elevation_gain: np.ndarray,
         seed: int,
     ) -> None:
-        """`link`: Pt lambda^2 G0^2 / ((4 pi)^2 L) [W m^2]; `elevation_gain`: one-way table, even in angle."""
+        """Load the tables.
+
+        Args:
+            surfaces: Scattering of the materials.
+            link: Pt lambda^2 G0^2 / ((4 pi)^2 L) [W m^2].
+            elevation_gain: One-way elevation gain at even steps of the angle from -pi/2 to pi/2.
+            seed: Decides speckle and texture.
+        """
         self._surfaces = surfaces
         self._link = link
         self._elevation = mi.Float(elevation_gain.astype(np.float32))
@@ -131,8 +165,8 @@ class BounceSampler:
 
     def _gain_towards(self, direction: "mi.Vector3f", active: "mi.Bool") -> "mi.Float":
         """Return the one-way elevation gain of unit directions, looked up in even steps of the angle."""
-        place = (dr.asin(dr.clip(direction.z, -1, 1)) / math.pi + 0.5) * self._steps
-        return dr.gather(mi.Float, self._elevation, dr.minimum(mi.UInt32(place + 0.5), self._steps), active)
+        step = (dr.asin(dr.clip(direction.z, -1, 1)) / math.pi + 0.5) * self._steps
+        return dr.gather(mi.Float, self._elevation, dr.minimum(mi.UInt32(step + 0.5), self._steps), active)
 
     def _reflected(self, rays: RayBatch, hits: Hits) -> "tuple[mi.Float, mi.Float, mi.Float]":
         """Return cosine of incidence, reflected power |Gamma|^2 and its mirror share."""
@@ -146,11 +180,11 @@ class BounceSampler:
     def _speckled(
         self, rays: RayBatch, hits: Hits, mean_rays: "mi.Float"
     ) -> "tuple[mi.Float64, mi.Float, mi.Float]":
-        """Return how much farther along the ray the patch's scatterer lies [m], and its reflectivity.
+        """Return the distance from the hit to the patch's scatterer along the ray [m], and its reflectivity.
 
-        Several rays that meet one patch add in phase: k rays where k' are expected give k^2 times the power
-        of one, so the reflectivity falls by E[k^2] / k' = k' + variance / k'. Rays are more even than random
-        ones: variance / k' is close to 1 / (1 + k' / 2), as a test counts on drawn sets.
+        Rays that meet one patch add in phase: k rays where k' are expected give k^2 times the power of one,
+        so the reflectivity is reduced by E[k^2] / k' = k' + variance / k'. The rays are stratified, so that
+        variance / k' is close to 1 / (1 + k' / 2), as a test counts on drawn sets.
         """
         step = patch_step(mean_rays)
         key = patch_key(hits.local, step, hits.owner, self._seed)
@@ -158,12 +192,21 @@ class BounceSampler:
         mean_rays *= dr.square(mi.Float(step))
         scale = 1 / dr.sqrt(mean_rays + 1 / (1 + mean_rays / 2))
         scale *= self._texture.amplitude(hits.material, hits.local, hits.owner, self._seed, hits.active)
-        offset = turned(scatterer_offset(hits.local, step, key), hits.cosine, hits.sine)
+        offset = rotated_about_z(scatterer_offset(hits.local, step, key), hits.cosine, hits.sine)
         flat = offset - hits.normal * dr.dot(offset, hits.normal)
         return dr.dot(flat, rays.direction), real * scale, imag * scale
 
-    def same_path(self, rays: RayBatch, hits: Hits, *, depth: int) -> ReturnPaths:
-        """Return the power that goes back the way it came: direct at depth 1, mirror ghosts beyond."""
+    def same_path_returns(self, rays: RayBatch, hits: Hits, *, depth: int) -> ReturnPaths:
+        """Return the paths that return the way they came: direct at depth 1, mirror ghosts beyond.
+
+        Args:
+            rays: Rays (N) that met something.
+            hits: What they met (N).
+            depth: Number of surfaces on the outward path.
+
+        Returns:
+            Return paths (N) of bounce order 2 depth - 1.
+        """
         cosine, power, share = self._reflected(rays, hits)
         lobe = self._surfaces.mirror_lobe(hits.material, cosine, cosine, cosine, hits.active)
         cosines = (cosine, cosine, mi.Float(1))
@@ -173,16 +216,16 @@ class BounceSampler:
         received = self._link * dr.square(rays.gain * rays.weight) * power * brdf * cosine
         received /= dr.square(length32) * rays.density
         mean_rays = rays.density * (PATCH_M * PATCH_M) * cosine / dr.square(length32)
-        farther, real, imag = self._speckled(rays, hits, mean_rays)
-        place = rays.start + rays.heading * (length + farther)
+        beyond, real, imag = self._speckled(rays, hits, mean_rays)
+        point = rays.start + rays.heading * (length + beyond)
         return ReturnPaths(
-            out=place,
-            back=place,
+            out=point,
+            back=point,
             power=dr.select(hits.active & ~rays.only_targets, received, 0),
             real=real,
             imag=imag,
             drift=rays.drift + dr.dot(hits.velocity, mi.Vector3f(rays.direction)),
-            row=rays.row,
+            azimuth=rays.azimuth,
             number=rays.number,
             material=hits.material,
             instance=hits.instance,
@@ -190,14 +233,23 @@ class BounceSampler:
             bounces=2 * depth - 1,
         )
 
-    def loop(self, rays: RayBatch, hits: Hits, sensor: "mi.Point3d", *, depth: int) -> ReturnPaths:
-        """Return the power that leaves the last surface straight for the radar at `sensor` (N) [m].
+    def loop_returns(self, rays: RayBatch, hits: Hits, antenna: "mi.Point3d", *, depth: int) -> ReturnPaths:
+        """Return the paths that lead from the last surface straight back to the antenna.
 
-        A diffuse last surface sends as much the other way round the loop, in phase: twice the amplitude. The
-        other way round of a mirror part is a ray of its own.
+        The diffuse part of the last surface returns as much around the loop in the other direction, in phase:
+        twice the amplitude. The reversed path of its mirror part is another ray.
+
+        Args:
+            rays: Rays (N) that met something.
+            hits: What they met (N).
+            antenna: Position of the antenna for each ray (N) [m].
+            depth: Number of surfaces on the outward path.
+
+        Returns:
+            Return paths (N) of bounce order `depth`; whether the last leg is free is not in them.
         """
         cosine, power, share = self._reflected(rays, hits)
-        home = sensor - hits.place
+        home = antenna - hits.point
         length = dr.norm(home)
         towards = home / length
         cos_out = mi.Float(dr.dot(hits.normal, towards))
@@ -216,12 +268,12 @@ class BounceSampler:
         away = mi.Vector3f(rays.direction - towards) * 0.5
         return ReturnPaths(
             out=rays.start + rays.heading * unfolded,
-            back=mi.Point3d(hits.place),
+            back=mi.Point3d(hits.point),
             power=dr.select(active & ~rays.only_targets, received, 0),
             real=real,
             imag=imag,
             drift=rays.drift * 0.5 + dr.dot(hits.velocity, away),
-            row=rays.row,
+            azimuth=rays.azimuth,
             number=rays.number,
             material=hits.material,
             instance=hits.instance,
@@ -229,18 +281,26 @@ class BounceSampler:
             bounces=depth,
         )
 
-    def mirrored(self, rays: RayBatch, hits: Hits) -> RayBatch:
-        """Return the rays that go on from the hits as from mirrors."""
+    def mirror_rays(self, rays: RayBatch, hits: Hits) -> RayBatch:
+        """Return the rays reflected at the hits as at mirrors.
+
+        Args:
+            rays: Rays (N) that met something.
+            hits: What they met (N).
+
+        Returns:
+            The reflected rays (N), with the weight of what they met.
+        """
         _, power, share = self._reflected(rays, hits)
         onward = rays.direction - 2 * dr.dot(rays.direction, hits.normal) * hits.normal
         direction = _unit(onward)
         swept = dr.dot(hits.velocity, mi.Vector3f(rays.direction - direction))
         return RayBatch(
-            origin=mi.Point3d(hits.place + hits.normal * _SKIN_M),
+            origin=mi.Point3d(hits.point + hits.normal * _SKIN_M),
             direction=direction,
             travelled=rays.travelled + hits.distance,
             weight=dr.select(hits.active, rays.weight * power * share, 0),
-            row=rays.row,
+            azimuth=rays.azimuth,
             number=rays.number,
             density=rays.density,
             gain=rays.gain,

@@ -1,7 +1,8 @@
-"""Where rays meet the world: the town, its placed objects, and movers at the time of each ray's row.
+"""Where rays meet the scene: static surfaces, placed objects, and moving objects at the time of each azimuth.
 
-The ray tracer says which face a ray meets; place, distance and normal are then computed from that face's
-plane in double precision, so that phases (4 pi r / lambda) are good to a fraction of a wavelength anywhere.
+The ray tracer finds the face that a ray meets. Point, distance and normal are then computed from the plane of
+that face in double precision, so that phases (4 pi r / lambda) are good to a fraction of a wavelength at any
+range.
 """
 
 from dataclasses import dataclass
@@ -13,22 +14,31 @@ from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.mitsuba_scene import MitsubaScene
 from echoscape.sim.raytracing.surface.speckle import hash32
 
-_FAR = 1e30
+_FAR_M = 1e30
+_NO_MOVER = 0xFFFFFFFF
 
 
 @dataclass
 class Hits:
     """What N rays met, as Dr.Jit arrays.
 
-    active: anything was met; distance [m] along the ray from its origin (double); place [m] (double);
-    normal: unit, towards the ray's side (double); material, instance: ids; local: place in the frame of what
-    was hit (double), turned into the world by the angle of `cosine` and `sine`; owner: tells its speckle
-    lattice apart, 0 for all that stands still; velocity [m/s].
+    Attributes:
+        active: Whether anything was met.
+        distance: Distance along the ray from its origin, double [m].
+        point: Where the surface was met, double [m].
+        normal: Unit normal on the side of the ray, double.
+        material: Material id.
+        instance: Instance id.
+        local: The point in the frame of the object, double [m].
+        cosine: Cosine of the angle that rotates this frame into the world, double.
+        sine: Sine of the same angle, double.
+        owner: Tells apart the speckle lattices of moving objects; 0 for all that is at rest.
+        velocity: Velocity of the surface at the point [m/s].
     """
 
     active: "mi.Bool"
     distance: "mi.Float64"
-    place: "mi.Point3d"
+    point: "mi.Point3d"
     normal: "mi.Vector3d"
     material: "mi.UInt32"
     instance: "mi.UInt32"
@@ -40,33 +50,105 @@ class Hits:
 
 
 class RayScene:
-    """A town scene with its movers at the rows of one scan; answers rays."""
+    """A scene with its moving objects at the azimuths of one scan, for rays to be intersected with."""
 
-    def __init__(self, scene: MitsubaScene, states: MoverStates, azimuths: int) -> None:
+    def __init__(self, scene: MitsubaScene, movers: MoverStates, azimuths: int) -> None:
+        """Copy the states of the moving objects into Dr.Jit arrays.
+
+        Args:
+            scene: The scene in the ray tracer.
+            movers: The moving objects in reach, at each azimuth.
+            azimuths: Number of azimuths.
+        """
         self._scene = scene
         self._azimuths = azimuths
-        self._count = dr.opaque(mi.UInt32, len(states.movers))
-        # One row of zeros where there is no mover, so that gathers have a source.
+        self._count = dr.opaque(mi.UInt32, len(movers.movers))
+        # One object of zeros where there is none, so that gathers have a source.
         blank = np.zeros((1, azimuths, 4))
-        state = states.state if len(states.movers) else blank
-        rate = states.rate if len(states.movers) else blank
+        state = movers.state if len(movers.movers) else blank
+        rate = movers.rate if len(movers.movers) else blank
         self._position = mi.Float64(np.ascontiguousarray(state[..., :3]).ravel())
         self._cos = mi.Float64(np.cos(state[..., 3]).ravel())
         self._sin = mi.Float64(np.sin(state[..., 3]).ravel())
         self._velocity = mi.Float(rate[..., :3].astype(np.float32).ravel())
         self._yaw_rate = mi.Float(rate[..., 3].astype(np.float32).ravel())
-        extents = np.array([mover.prototype.extent_m for mover in states.movers] or [(0.0, 0.0, 0.0)])
+        extents = np.array([mover.prototype.extent_m for mover in movers.movers] or [(0.0, 0.0, 0.0)])
         self._radius = mi.Float((np.linalg.norm(extents, axis=1) / 2 + 0.05).astype(np.float32))
         self._half_height = mi.Float((extents[:, 2] / 2).astype(np.float32))
-        places = [scene.garage_place[mover.prototype.name] for mover in states.movers] or [np.zeros(3)]
-        self._garage = mi.Float64(np.array(places).ravel())
-        self._instance = mi.UInt32(np.array([mover.instance for mover in states.movers] or [0], np.uint32))
+        offsets = [scene.mover_shape_offset[mover.prototype.name] for mover in movers.movers] or [np.zeros(3)]
+        self._shape_offset = mi.Float64(np.array(offsets).ravel())
+        self._instance = mi.UInt32(np.array([mover.instance for mover in movers.movers] or [0], np.uint32))
+
+    def intersect(
+        self,
+        origin: "mi.Point3d",
+        direction: "mi.Vector3d",
+        azimuth: "mi.UInt32",
+        reach: "mi.Float",
+        active: "mi.Bool",
+    ) -> Hits:
+        """Return the first surface that each ray meets.
+
+        Args:
+            origin: Origins (N) [m].
+            direction: Unit directions (N).
+            azimuth: Number of the azimuth at whose time each ray is sent (N).
+            reach: Largest distances (N) [m].
+            active: Which rays to trace (N).
+
+        Returns:
+            What the rays met within `reach`.
+        """
+        scene = self._scene
+        ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), reach, 0.0, [])
+        met = scene.static.ray_intersect_preliminary(ray, False, active)
+        valid = active & met.is_valid()
+        limit = dr.select(valid, met.t, reach)
+        _, mover, mover_face = self._nearest_mover(origin, direction, azimuth, limit, active)
+        moving = active & (mover != mi.UInt32(_NO_MOVER))
+        valid |= moving
+        placed = dr.reinterpret_array(mi.UInt32, met.instance)
+        shape = dr.reinterpret_array(mi.UInt32, met.shape)
+        still = valid & ~moving
+        placement = dr.gather(mi.UInt32, scene.placement, placed, still)
+        face = met.prim_index + dr.select(
+            placement > 0,
+            dr.gather(mi.UInt32, scene.placement_face, placement, still),
+            dr.gather(mi.UInt32, scene.shape_face, dr.select(placement > 0, 0, shape), still),
+        )
+        face = dr.select(moving, mover_face + scene.mover_shape_face, face)
+        return self._on_face(origin, direction, azimuth, face, placement, mover, moving, valid)
+
+    def occluded(
+        self,
+        origin: "mi.Point3d",
+        direction: "mi.Vector3d",
+        azimuth: "mi.UInt32",
+        reach: "mi.Float",
+        active: "mi.Bool",
+    ) -> "mi.Bool":
+        """Return whether a surface lies on each ray.
+
+        Args:
+            origin: Origins (N) [m].
+            direction: Unit directions (N).
+            azimuth: Number of the azimuth at whose time each ray is sent (N).
+            reach: Lengths of the rays (N) [m].
+            active: Which rays to trace (N).
+
+        Returns:
+            Whether anything was met within `reach` (N).
+        """
+        ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), reach, 0.0, [])
+        static = self._scene.static.ray_test(ray, False, active)
+        _, mover, _ = self._nearest_mover(origin, direction, azimuth, reach, active & ~static)
+        return static | (mover != mi.UInt32(_NO_MOVER))
 
     def _mover_frame(
-        self, mover: "mi.UInt32", row: "mi.UInt32", active: "mi.Bool"
+        self, mover: "mi.UInt32", azimuth: "mi.UInt32", active: "mi.Bool"
     ) -> "tuple[mi.Vector3d, mi.Float64, mi.Float64]":
-        """Return position, cosine and sine of a mover's frame at a row."""
-        index = mover * self._azimuths + row
+        """Return position, cosine and sine of the frame of a moving object at an azimuth."""
+        index = mover * self._azimuths + azimuth
         position = dr.gather(mi.Vector3d, self._position, index, active)
         return (
             position,
@@ -74,19 +156,19 @@ class RayScene:
             dr.gather(mi.Float64, self._sin, index, active),
         )
 
-    def _meet_movers(
+    def _nearest_mover(
         self,
         origin: "mi.Point3d",
         direction: "mi.Vector3d",
-        row: "mi.UInt32",
+        azimuth: "mi.UInt32",
         limit: "mi.Float",
         active: "mi.Bool",
     ) -> "tuple[mi.Float, mi.UInt32, mi.UInt32]":
-        """Return distance, mover and garage face of the nearest mover nearer than `limit`."""
-        garage, garage_places = self._scene.garage, self._garage
+        """Return distance, number and face of the nearest moving object nearer than `limit`."""
+        shapes, offsets = self._scene.mover_shapes, self._shape_offset
 
         def body(mover, best, who, face):
-            position, cosine, sine = self._mover_frame(mover, row, active)
+            position, cosine, sine = self._mover_frame(mover, azimuth, active)
             lift = mi.Float64(dr.gather(mi.Float, self._half_height, mover, active))
             radius = dr.gather(mi.Float, self._radius, mover, active)
             away = mi.Vector3f(position + mi.Vector3d(0, 0, lift) - origin)
@@ -95,12 +177,11 @@ class RayScene:
             near = active & (aside <= radius * radius) & (along >= -radius) & (along - radius <= best)
 
             def inside(best, who, face):
-                slot = dr.gather(mi.Vector3d, garage_places, mover, near)
-                start = turned(origin - position, cosine, -sine) + slot
-                ray = mi.Ray3f(
-                    mi.Point3f(start), mi.Vector3f(turned(direction, cosine, -sine)), best, 0.0, []
-                )
-                met = garage.ray_intersect_preliminary(ray, False, near)
+                offset = dr.gather(mi.Vector3d, offsets, mover, near)
+                start = rotated_about_z(origin - position, cosine, -sine) + offset
+                local_direction = mi.Vector3f(rotated_about_z(direction, cosine, -sine))
+                ray = mi.Ray3f(mi.Point3f(start), local_direction, best, 0.0, [])
+                met = shapes.ray_intersect_preliminary(ray, False, near)
                 nearer = near & met.is_valid() & (met.t < best)
                 return (
                     dr.select(nearer, met.t, best),
@@ -113,58 +194,28 @@ class RayScene:
             )
             return mover + 1, best, who, face
 
-        nobody = mi.UInt32(0xFFFFFFFF)
         _, best, who, face = dr.while_loop(
-            state=(mi.UInt32(0), mi.Float(limit), nobody, mi.UInt32(0)),
+            state=(mi.UInt32(0), mi.Float(limit), mi.UInt32(_NO_MOVER), mi.UInt32(0)),
             cond=lambda mover, best, who, face: active & (mover < self._count),
             body=body,
             label="movers",
         )
         return best, who, face
 
-    def meet(
-        self,
-        origin: "mi.Point3d",
-        direction: "mi.Vector3d",
-        row: "mi.UInt32",
-        reach: "mi.Float",
-        active: "mi.Bool",
-    ) -> Hits:
-        """Return what rays from `origin` (N) [m] along unit `direction` meet within `reach` [m]."""
-        scene = self._scene
-        ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), reach, 0.0, [])
-        met = scene.town.ray_intersect_preliminary(ray, False, active)
-        valid = active & met.is_valid()
-        limit = dr.select(valid, met.t, reach)
-        _, mover, garage_face = self._meet_movers(origin, direction, row, limit, active)
-        moving = active & (mover != mi.UInt32(0xFFFFFFFF))
-        valid |= moving
-        placed = dr.reinterpret_array(mi.UInt32, met.instance)
-        shape = dr.reinterpret_array(mi.UInt32, met.shape)
-        still = valid & ~moving
-        placement = dr.gather(mi.UInt32, scene.placement, placed, still)
-        face = met.prim_index + dr.select(
-            placement > 0,
-            dr.gather(mi.UInt32, scene.placement_face, placement, still),
-            dr.gather(mi.UInt32, scene.shape_face, dr.select(placement > 0, 0, shape), still),
-        )
-        face = dr.select(moving, garage_face + scene.garage_face, face)
-        return self._on_face(origin, direction, row, face, placement, mover, moving, valid)
-
     def _on_face(
         self,
         origin: "mi.Point3d",
         direction: "mi.Vector3d",
-        row: "mi.UInt32",
+        azimuth: "mi.UInt32",
         face: "mi.UInt32",
         placement: "mi.UInt32",
         mover: "mi.UInt32",
         moving: "mi.Bool",
         valid: "mi.Bool",
     ) -> Hits:
-        """Compute place and normal from the plane of the face that was met."""
+        """Compute point and normal from the plane of the face that was met."""
         scene = self._scene
-        position, cosine, sine = self._mover_frame(mover, row, moving)
+        position, cosine, sine = self._mover_frame(mover, azimuth, moving)
         placed = valid & ~moving
         position = dr.select(
             moving, position, dr.gather(mi.Vector3d, scene.placement_position, placement, placed)
@@ -174,13 +225,13 @@ class RayScene:
         scale = dr.select(moving, 1.0, dr.gather(mi.Float64, scene.placement_scale, placement, placed))
         corner = mi.Vector3d(dr.gather(mi.Vector3f, scene.face_corner, face, valid)) * scale
         normal = mi.Vector3d(dr.gather(mi.Vector3f, scene.face_normal, face, valid))
-        normal = turned(normal, cosine, sine)
-        corner = turned(corner, cosine, sine) + position
+        normal = rotated_about_z(normal, cosine, sine)
+        corner = rotated_about_z(corner, cosine, sine) + position
         facing = dr.dot(normal, direction)
         valid &= dr.abs(facing) > 1e-9
-        distance = dr.select(valid, dr.dot(normal, corner - origin) / facing, _FAR)
-        place = origin + direction * distance
-        local = dr.select(moving, turned(place - position, cosine, -sine), place)
+        distance = dr.select(valid, dr.dot(normal, corner - origin) / facing, _FAR_M)
+        point = origin + direction * distance
+        local = dr.select(moving, rotated_about_z(point - position, cosine, -sine), point)
         instance = dr.gather(mi.UInt32, scene.face_instance, face, valid)
         instance = dr.select(
             placement > 0, dr.gather(mi.UInt32, scene.placement_instance, placement, placed), instance
@@ -189,7 +240,7 @@ class RayScene:
         return Hits(
             active=valid,
             distance=distance,
-            place=place,
+            point=point,
             normal=dr.select(facing > 0, -normal, normal),
             material=dr.gather(mi.UInt32, scene.face_material, face, valid),
             instance=dr.select(valid, instance, 0),
@@ -197,35 +248,30 @@ class RayScene:
             cosine=dr.select(moving, cosine, 1.0),
             sine=dr.select(moving, sine, 0.0),
             owner=dr.select(moving, hash32(instance), 0),
-            velocity=self._velocity_at(mi.Vector3f(place - position), mover, row, moving),
+            velocity=self._velocity_at(mi.Vector3f(point - position), mover, azimuth, moving),
         )
 
     def _velocity_at(
-        self, arm: "mi.Vector3f", mover: "mi.UInt32", row: "mi.UInt32", moving: "mi.Bool"
+        self, arm: "mi.Vector3f", mover: "mi.UInt32", azimuth: "mi.UInt32", moving: "mi.Bool"
     ) -> "mi.Vector3f":
-        """Return the velocity of a point `arm` [m] away from its mover's origin: v + w x arm."""
-        index = mover * self._azimuths + row
+        """Return the velocity of a point at `arm` [m] from the origin of its object: v + w x arm."""
+        index = mover * self._azimuths + azimuth
         velocity = dr.gather(mi.Vector3f, self._velocity, index, moving)
-        turn = dr.gather(mi.Float, self._yaw_rate, index, moving)
-        return dr.select(moving, velocity + mi.Vector3f(-turn * arm.y, turn * arm.x, 0), 0)
-
-    def blocked(
-        self,
-        origin: "mi.Point3d",
-        direction: "mi.Vector3d",
-        row: "mi.UInt32",
-        reach: "mi.Float",
-        active: "mi.Bool",
-    ) -> "mi.Bool":
-        """Return whether anything stands within `reach` [m] along a ray."""
-        ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), reach, 0.0, [])
-        town = self._scene.town.ray_test(ray, False, active)
-        _, mover, _ = self._meet_movers(origin, direction, row, reach, active & ~town)
-        return town | (mover != mi.UInt32(0xFFFFFFFF))
+        yaw_rate = dr.gather(mi.Float, self._yaw_rate, index, moving)
+        return dr.select(moving, velocity + mi.Vector3f(-yaw_rate * arm.y, yaw_rate * arm.x, 0), 0)
 
 
-def turned(vector: "mi.Vector3d", cosine: "mi.Float64", sine: "mi.Float64") -> "mi.Vector3d":
-    """Return a vector turned about z by the angle of the given cosine and sine."""
+def rotated_about_z(vector: "mi.Vector3d", cosine: "mi.Float64", sine: "mi.Float64") -> "mi.Vector3d":
+    """Rotate vectors about the vertical axis.
+
+    Args:
+        vector: Vectors (N).
+        cosine: Cosines of the angles (N).
+        sine: Sines of the angles (N).
+
+    Returns:
+        The rotated vectors (N).
+    """
     return mi.Vector3d(
         cosine * vector.x - sine * vector.y, sine * vector.x + cosine * vector.y, mi.Float64(vector.z)
     )

@@ -1,8 +1,8 @@
-"""A town in the ray tracer: few merged meshes, placed prototypes as instances, and a garage of movers.
+"""A scene in the ray tracer: merged static meshes, instances of prototypes, shapes of moving objects.
 
-The town is built once. Movers are not in it: each distinct shape stands once in the garage, a small scene of
-its own, and a ray meets a mover by being moved into that shape's frame at the ray's own time. So movers move
-exactly within a scan and nothing is ever rebuilt.
+The static part is built once. Moving objects are not in it: each distinct shape stands once in a second,
+small Mitsuba scene, and a ray is transformed into the frame of a moving object at the time of its azimuth.
+So objects move continuously within a scan, and no acceleration structure is ever rebuilt.
 """
 
 from collections.abc import Sequence
@@ -15,13 +15,13 @@ from echoscape.scenes.core.materials import MATERIAL_NAMES
 from echoscape.scenes.core.scene import CLASSES, Mesh, Mover, Prototype, Scene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 
-GARAGE_SPACING_M = 50.0
-"""Distance between shapes in the garage; no mover is as long."""
+SHAPE_SPACING_M = 50.0
+"""Distance between the shapes of moving objects in their Mitsuba scene; no object is as long."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Faces:
-    """Faces of a Mitsuba mesh: corner (F, 3), unit normal (F, 3) float32, material, instance (F,) uint32."""
+    """The planes of F faces: corner and unit normal (F, 3) float32, material and instance (F,) uint32."""
 
     corner: NDArray[np.float32]
     normal: NDArray[np.float32]
@@ -30,7 +30,7 @@ class _Faces:
 
 
 def _faces(mesh: Mesh, material: int, instance: NDArray[np.uint32] | None = None) -> _Faces:
-    """Tabulate the planes of a mesh's faces; `instance` defaults to 0 (the placement knows it)."""
+    """Tabulate the planes of the faces of a mesh; `instance` is 0 where the placement gives it."""
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -54,7 +54,7 @@ def _shape(name: str, vertices: NDArray, faces: NDArray) -> "mi.Mesh":
 
 
 def _merged(prototype: Prototype) -> tuple[NDArray, NDArray, _Faces]:
-    """Return vertices, faces and face table of all parts of a prototype as one mesh."""
+    """Return vertices, faces and face table of a prototype, its parts merged into one mesh."""
     vertices, faces, tables, count = [], [], [], 0
     for material, mesh in prototype.parts.items():
         vertices.append(mesh.vertices)
@@ -85,25 +85,41 @@ def _by_registry_id(ids: list[int], values: Sequence[int]) -> "mi.UInt32":
 
 
 class MitsubaScene:
-    """The ray tracer's copy of a town and of the shapes that move through it.
+    """A scene and the shapes of its moving objects in the ray tracer.
 
-    `town` is the Mitsuba scene of all that stands still; `garage` holds the movers' shapes. Tables by face
-    (corner, normal, material, instance) cover both; `shape_face` and `prototype_face` say where a mesh's
-    faces begin in them.
+    Attributes:
+        static: Mitsuba scene of all that is at rest.
+        mover_shapes: Mitsuba scene of the shapes of the moving objects.
+        mover_shape_offset: Where each shape stands in it, by name of the prototype (3,) [m].
+        face_corner: A corner of each face of both scenes (3 F,) [m].
+        face_normal: Unit normal of each face (3 F,).
+        face_material: Material id of each face (F,).
+        face_instance: Instance id of each face (F,), 0 where a placement gives it.
+        shape_face: First face of each static mesh, by its Dr.Jit id.
+        mover_shape_face: First face of the shapes of moving objects.
+        placement: Number of each placement from 1, by its Dr.Jit id; 0 is none.
+        placement_face: First face of each placement's prototype; index 0 is the world.
+        placement_position: Position of each placement (3 P,) [m]; its cosine, sine, scale and instance
+            follow as `placement_cos`, `placement_sin`, `placement_scale` and `placement_instance`.
     """
 
-    def __init__(self, town: Scene, movers: Sequence[Mover]) -> None:
+    def __init__(self, scene: Scene, movers: Sequence[Mover]) -> None:
+        """Build both Mitsuba scenes and the tables.
+
+        Args:
+            scene: Static meshes, prototypes and their placements.
+            movers: All moving objects.
+        """
         tables: list[_Faces] = []
         self._face_count = 0
-        self.town = self._load_town(town, tables)
-        self.shapes = {mover.prototype.name: mover.prototype for mover in movers}
-        self.garage = self._load_garage(list(self.shapes.values()), tables)
+        self.static = self._load_static(scene, tables)
+        shapes = {mover.prototype.name: mover.prototype for mover in movers}
+        self.mover_shapes = self._load_mover_shapes(list(shapes.values()), tables)
         table = _concatenate(tables)
         self.face_corner = mi.Float(table.corner.ravel())
         self.face_normal = mi.Float(table.normal.ravel())
         self.face_material = mi.UInt32(table.material)
         self.face_instance = mi.UInt32(table.instance)
-        self.triangles = len(table.material)
 
     def _add(self, tables: list[_Faces], table: _Faces) -> int:
         """Append a face table and return where it begins."""
@@ -112,17 +128,18 @@ class MitsubaScene:
         self._face_count += len(table.material)
         return start
 
-    def _load_town(self, town: Scene, tables: list[_Faces]) -> "mi.Scene":
-        scene: dict[str, object] = {"type": "scene"}
+    def _load_static(self, scene: Scene, tables: list[_Faces]) -> "mi.Scene":
+        """Load static meshes and placements, and tabulate where their faces begin."""
+        parts: dict[str, object] = {"type": "scene"}
         static, starts = [], []
-        for material, mesh in town.static.items():
+        for material, mesh in scene.static.items():
             if len(mesh.faces):
                 starts.append(self._add(tables, _faces(mesh, MATERIAL_NAMES.index(material), mesh.instance)))
                 static.append(_shape(material, mesh.vertices, mesh.faces))
-                scene[f"static_{material}"] = static[-1]
-        proto_start, groups = self._load_groups(town, tables)
-        scene |= {f"group_{index}": group for index, group in groups.items()}
-        places = town.placements
+                parts[f"static_{material}"] = static[-1]
+        first_face, groups = self._load_groups(scene, tables)
+        parts |= {f"group_{index}": group for index, group in groups.items()}
+        places = scene.placements
         instances = []
         for prototype, position, yaw, scale in zip(
             places.prototype, places.position, places.yaw, places.scale, strict=True
@@ -139,64 +156,72 @@ class MitsubaScene:
                     }
                 )
             )
-        scene |= {f"placed_{index}": instance for index, instance in enumerate(instances)}
-        loaded = mi.load_dict(scene)
+        parts |= {f"placed_{index}": instance for index, instance in enumerate(instances)}
+        loaded = mi.load_dict(parts)
         self.shape_face = _by_registry_id([_registry_id(shape) for shape in static], starts)
-        # Number 0 is "no instance", so placements count from 1.
+        # 0 stands for no placement, so placements count from 1.
         self.placement = _by_registry_id(
             [_registry_id(shape) for shape in instances], range(1, len(instances) + 1)
         )
-        self._tabulate_placements(town, proto_start)
+        self._tabulate_placements(scene, first_face)
         return loaded
 
-    def _load_groups(self, town: Scene, tables: list[_Faces]) -> tuple[dict[int, int], dict[int, object]]:
-        """Return, for every prototype that is placed, where its faces begin and its shape group."""
+    def _load_groups(self, scene: Scene, tables: list[_Faces]) -> tuple[dict[int, int], dict[int, object]]:
+        """Return first face and shape group of each prototype that is placed."""
         starts: dict[int, int] = {}
         groups: dict[int, object] = {}
-        for index in np.unique(town.placements.prototype).tolist():
-            vertices, faces, table = _merged(town.prototypes[index])
+        for index in np.unique(scene.placements.prototype).tolist():
+            vertices, faces, table = _merged(scene.prototypes[index])
             starts[index] = self._add(tables, table)
             groups[index] = mi.load_dict(
                 {"type": "shapegroup", "mesh": _shape(f"prototype_{index}", vertices, faces)}
             )
         return starts, groups
 
-    def _tabulate_placements(self, town: Scene, proto_start: dict[int, int]) -> None:
-        """Tabulate the placements' frames and faces, row 0 standing for the world itself."""
-        places = town.placements
+    def _tabulate_placements(self, scene: Scene, first_face: dict[int, int]) -> None:
+        """Tabulate frames and first faces of the placements; index 0 is the world."""
+        places = scene.placements
         self.placement_position = mi.Float64(np.vstack([np.zeros((1, 3)), places.position]).ravel())
         self.placement_cos = mi.Float64(np.append(1.0, np.cos(places.yaw)))
         self.placement_sin = mi.Float64(np.append(0.0, np.sin(places.yaw)))
         self.placement_scale = mi.Float64(np.append(1.0, places.scale))
         self.placement_instance = mi.UInt32(np.append(0, places.instance).astype(np.uint32))
-        starts = [proto_start[int(prototype)] for prototype in places.prototype]
+        starts = [first_face[int(prototype)] for prototype in places.prototype]
         self.placement_face = mi.UInt32(np.append(0, starts).astype(np.uint32))
 
-    def _load_garage(self, shapes: list[Prototype], tables: list[_Faces]) -> "mi.Scene":
-        """Stand the movers' shapes on a square lattice far enough apart that a ray meets only its own."""
+    def _load_mover_shapes(self, shapes: list[Prototype], tables: list[_Faces]) -> "mi.Scene":
+        """Place the shapes on a square lattice, so far apart that a ray meets only the one meant."""
         side = max(1, int(np.ceil(np.sqrt(len(shapes)))))
-        self.garage_place: dict[str, NDArray[np.float64]] = {}
+        self.mover_shape_offset: dict[str, NDArray[np.float64]] = {}
         vertices, faces, count = [np.zeros((3, 3), np.float32)], [np.array([[0, 1, 2]], np.uint32)], 3
-        vertices[0][:, 2] = -1e4 + np.arange(3)  # a face that no ray meets, so that the scene is never empty
+        vertices[0][:, 2] = -1e4 + np.arange(3)  # no ray meets it: the scene is never empty
         start = self._add(tables, _faces(Mesh(vertices=vertices[0], faces=faces[0]), 0))
         for index, shape in enumerate(shapes):
-            place = GARAGE_SPACING_M * np.array([index % side, index // side, 0.0])
-            self.garage_place[shape.name] = place
+            offset = SHAPE_SPACING_M * np.array([index % side, index // side, 0.0])
+            self.mover_shape_offset[shape.name] = offset
             local, shape_faces, table = _merged(shape)
-            vertices.append((local + place).astype(np.float32))
+            vertices.append((local + offset).astype(np.float32))
             faces.append(shape_faces + np.uint32(count))
             self._add(tables, table)
             count += len(local)
-        self.garage_face = start
-        mesh = _shape("garage", np.concatenate(vertices), np.concatenate(faces))
+        self.mover_shape_face = start
+        mesh = _shape("mover_shapes", np.concatenate(vertices), np.concatenate(faces))
         return mi.load_dict({"type": "scene", "mesh": mesh})
 
 
-def instance_classes(town: Scene, movers: Sequence[Mover]) -> NDArray[np.uint8]:
-    """Return the class id (I,) uint8 of every instance id, standing or moving."""
-    last = max([len(town.instance_class) - 1, *(mover.instance for mover in movers)])
+def instance_classes(scene: Scene, movers: Sequence[Mover]) -> NDArray[np.uint8]:
+    """Return the class of every instance.
+
+    Args:
+        scene: The static scene.
+        movers: All moving objects.
+
+    Returns:
+        Class id of each instance id (I,) uint8.
+    """
+    last = max([len(scene.instance_class) - 1, *(mover.instance for mover in movers)])
     classes = np.zeros(last + 1, np.uint8)
-    classes[: len(town.instance_class)] = town.instance_class
+    classes[: len(scene.instance_class)] = scene.instance_class
     for mover in movers:
         classes[mover.instance] = CLASSES.index(mover.prototype.class_name)
     return classes

@@ -1,15 +1,16 @@
-"""The echo of a smooth target as a phase sum over its surface, from wherever the radar stands.
+"""The echo of a smooth target as a phase sum over its surface, for a radar at any distance.
 
 Physical optics with shooting and bouncing rays (Ling, Chou & Lee, IEEE TAP 37(2), 1989): a grid of points on
-the target is lit from the radar, mirrored from patch to patch, and every point that is lit sends back
+the target is illuminated by the radar and mirrored from patch to patch, and every illuminated point returns
 
     dA = Gamma cos(theta) exp(-j k (L + R)) / (L R) dS,      P = (link / lambda^2) |sum dA|^2
 
-with L the unfolded way out and R the way back. Far away this is sigma = 4 pi |sum|^2 / lambda^2 (4 pi A^2 /
-lambda^2 of a plate); of an endless mirror it is the image's power, so no far field has to be assumed. Within
-a cell of the grid the phase is taken as linear (its sinc), so the grid need not follow the wavelength; cells
-are short against the first Fresnel zone instead.
-Curved targets are integrated across by stationary phase, Gamma is Fresnel's: test targets are machined.
+with L the unfolded length of the outward path and R that of the return. In the far field this is
+sigma = 4 pi |sum|^2 / lambda^2 (4 pi A^2 / lambda^2 for a plate); for an infinite mirror it is the power of
+the image, so no far field has to be assumed. Within a cell of the grid the phase is taken as linear (a sinc),
+so the grid need not follow the wavelength; cells are short against the first Fresnel zone instead.
+Curved targets are integrated by stationary phase across their curvature. Gamma is Fresnel's: test targets are
+machined.
 """
 
 import math
@@ -22,13 +23,13 @@ from echoscape.scenes.core.targets import Target
 from echoscape.sim.raytracing.surface.fresnel import reflection
 
 LEAST_STEPS = {"plate": 16, "dihedral": 32, "trihedral": 64}
-"""Points along each edge of a patch, at least: corners are then good to 0.05 dB (tests/physics)."""
+"""Least number of points along each edge of a patch: corners are then good to 0.05 dB (tests/physics)."""
 MOST_STEPS = 2048
-"""Points along each edge of a patch, at most: targets that would need more are refused."""
+"""Largest number of points along each edge of a patch: targets that would need more are refused."""
 NEAREST_M = 0.1
-"""A target that the antenna is nearer to than this, or inside of, has no echo."""
+"""A target has no echo for an antenna nearer than this, or inside it [m]."""
 _FRESNEL_SHARE = 0.1
-"""Longest edge of a cell over sqrt(lambda R): large plates are then their images to 0.15 dB."""
+"""Longest edge of a cell over sqrt(lambda R): large plates then have the power of the image to 0.15 dB."""
 MAX_BOUNCES = 3
 _CURVE_STEP_M = 0.005
 _CURVE_MOST = 4096
@@ -37,11 +38,14 @@ Vectors = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Aperture:
+class SurfacePaths:
     """S paths from the radar over a target and back.
 
-    first, last (S, 3) float64: the points where a path meets the target first and last [m]; path_m (S,): its
-    whole length [m]; amplitude (S,) complex128: its share of the sum, dA but for the gains [1].
+    Attributes:
+        first: Points where the paths meet the target first (S, 3) float64 [m].
+        last: Points where they meet it last (S, 3) float64 [m]; the same array where both coincide.
+        path_m: Whole length (S,) float64 [m].
+        amplitude: Share of the sum, dA without antenna gains (S,) complex128 [1].
     """
 
     first: Vectors
@@ -50,17 +54,25 @@ class Aperture:
     amplitude: NDArray[np.complex128]
 
 
-def aperture(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> Aperture:
-    """Return the paths over a coherent target seen from `radar` (3,) [m]; occlusion by others is not in it.
+def surface_paths(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> SurfacePaths:
+    """Return the paths over a coherent target; occlusion by other objects is not in them.
 
-    `epsilon` is the complex relative permittivity of its material.
+    Args:
+        target: The target.
+        radar: Position of the antenna (3,) [m].
+        wavelength_m: Wavelength [m].
+        epsilon: Complex relative permittivity of the material of the target.
+
+    Returns:
+        The paths, none from nearer than 0.1 m.
 
     Raises:
-        ValueError: the target is not coherent, or too large to be summed from so near.
+        ValueError: The target is not coherent, or too large to be summed from so near.
     """
     if _nearest_m(target, radar) < NEAREST_M:
-        nothing = np.zeros((0, 3))
-        return Aperture(first=nothing, last=nothing, path_m=np.zeros(0), amplitude=np.zeros(0, np.complex128))
+        points = np.zeros((0, 3))
+        none = np.zeros(0, np.complex128)
+        return SurfacePaths(first=points, last=points, path_m=np.zeros(0), amplitude=none)
     if target.kind == "point":
         return _point(target, radar, wavelength_m=wavelength_m)
     if target.kind == "sphere":
@@ -73,9 +85,9 @@ def aperture(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: co
 
 
 def _nearest_m(target: Target, radar: Vectors) -> float:
-    """Return the distance of a target's nearest part that sends back [m], below 0 from inside of it."""
+    """Return the distance of the nearest part of a target that reflects [m], below 0 from inside it."""
     away = radar - np.array(target.position_m)
-    if target.kind == "cylinder":  # whose side is not seen from above
+    if target.kind == "cylinder":  # its side is not seen from above
         return float(np.hypot(away[0], away[1])) - target.size_m[0]
     if target.kind == "sphere":
         return float(np.linalg.norm(away)) - target.size_m[0]
@@ -84,7 +96,7 @@ def _nearest_m(target: Target, radar: Vectors) -> float:
     return _patches_of(target).nearest_m(radar)
 
 
-def _turned(path_m: NDArray, wavelength_m: float) -> NDArray[np.complex128]:
+def _phase_factor(path_m: NDArray, wavelength_m: float) -> NDArray[np.complex128]:
     """Return exp(-j k path)."""
     cycles = path_m / wavelength_m
     return np.exp(-2j * math.pi * (cycles - np.floor(cycles)))
@@ -93,20 +105,20 @@ def _turned(path_m: NDArray, wavelength_m: float) -> NDArray[np.complex128]:
 # ---------------------------------------------------------------------- points and curved targets
 
 
-def _point(target: Target, radar: Vectors, *, wavelength_m: float) -> Aperture:
+def _point(target: Target, radar: Vectors, *, wavelength_m: float) -> SurfacePaths:
     """Return the one path over a point of cross-section sigma: |sum| = sqrt(sigma / 4 pi) lambda / R^2."""
     place = np.array([target.position_m])
     range_m = np.linalg.norm(place - radar, axis=1)
     size = math.sqrt(target.rcs_m2 / (4 * math.pi)) * wavelength_m / range_m**2
-    return Aperture(
-        first=place, last=place, path_m=2 * range_m, amplitude=size * _turned(2 * range_m, wavelength_m)
+    return SurfacePaths(
+        first=place, last=place, path_m=2 * range_m, amplitude=size * _phase_factor(2 * range_m, wavelength_m)
     )
 
 
-def _sphere(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> Aperture:
-    """Return the path over a sphere's nearest point; geometrical optics of a spherical wave, pi r^2 far away.
+def _sphere(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> SurfacePaths:
+    """Return the path over the nearest point of a sphere: geometrical optics, pi r^2 in the far field.
 
-    Seen from outside at a distance s from the surface the wave spreads by r / (2 s (s + r)).
+    At a distance s from the surface the reflected spherical wave spreads by r / (2 s (s + r)).
     """
     radius = target.size_m[0]
     away = np.array(target.position_m) - radar
@@ -116,16 +128,16 @@ def _sphere(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: com
     gamma = abs(complex(reflection(epsilon, 1.0)[0]))
     size = np.array([gamma * wavelength_m * radius / (2 * surface_m * centre_m)])
     path_m = np.array([2 * surface_m])
-    return Aperture(
-        first=nearest, last=nearest, path_m=path_m, amplitude=-size * _turned(path_m, wavelength_m)
+    return SurfacePaths(
+        first=nearest, last=nearest, path_m=path_m, amplitude=-size * _phase_factor(path_m, wavelength_m)
     )
 
 
-def _cylinder(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> Aperture:
-    """Return the paths over the line of an upright cylinder that faces the radar.
+def _cylinder(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> SurfacePaths:
+    """Return the paths over the line of an upright cylinder that is nearest to the radar.
 
-    Stationary phase across gives sqrt(lambda / 2  R r / (s + r)), s the horizontal distance of the surface;
-    along the axis the sum is taken: 2 pi r h^2 / lambda far away, broadside.
+    Stationary phase across the axis gives sqrt(lambda / 2  R r / (s + r)), s the horizontal distance of the
+    surface; along the axis the sum is taken, which gives 2 pi r h^2 / lambda in the far field at broadside.
     """
     radius, height = target.size_m
     away = np.array(target.position_m) - radar
@@ -142,8 +154,8 @@ def _cylinder(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: c
     across = np.sqrt(wavelength_m / 2 * range_m * radius / (surface_m + radius))
     smear = np.sinc(2 * (z - radar[2]) / range_m * step_m / wavelength_m)
     size = gamma * cosine * across * smear * step_m / range_m**2
-    turn = _turned(2 * range_m, wavelength_m) * -np.exp(-0.25j * math.pi)
-    return Aperture(first=place, last=place, path_m=2 * range_m, amplitude=size * turn)
+    phase = _phase_factor(2 * range_m, wavelength_m) * -np.exp(-0.25j * math.pi)
+    return SurfacePaths(first=place, last=place, path_m=2 * range_m, amplitude=size * phase)
 
 
 # ---------------------------------------------------------------------- plates and corners
@@ -151,15 +163,15 @@ def _cylinder(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: c
 
 @dataclass
 class _Tubes:
-    """S ray tubes on their way over plane patches.
+    """S ray tubes over plane patches.
 
-    first, place (S, 3): where they met the target first and where they stand now [m]; direction (S, 3): of
-    arrival, unit; across, along (S, 3): its change from end to end of a tube, the grid's two ways [rad];
-    travelled (S,) [m]; solid (S,): solid angle seen from the radar [sr]; gamma (S,); patch (S,).
+    first, point (S, 3): where they met the target first and last so far [m]; direction (S, 3): unit, of
+    arrival; across, along (S, 3): its change over a tube in both directions of the grid [rad]; travelled (S,)
+    [m]; solid (S,): solid angle from the radar [sr]; gamma (S,): reflection so far; patch (S,): number.
     """
 
     first: Vectors
-    place: Vectors
+    point: Vectors
     direction: Vectors
     across: Vectors
     along: Vectors
@@ -169,25 +181,25 @@ class _Tubes:
     patch: NDArray[np.int64]
 
     def take(self, keep: NDArray) -> "_Tubes":
-        """Return the tubes at `keep`."""
+        """Return some of the tubes (an index or a mask)."""
         return _Tubes(**{name: value[keep] for name, value in vars(self).items()})
 
 
-def _flat(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> Aperture:
-    """Return the paths over plane patches that mirror into each other."""
+def _flat(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> SurfacePaths:
+    """Return the paths over plane patches that reflect into each other."""
     shape = _patches_of(target)
-    tubes, parts = _lit(shape, radar, shape.steps(radar, target, wavelength_m)), []
+    tubes, parts = _illuminated(shape, radar, shape.steps(radar, target, wavelength_m)), []
     for _ in range(MAX_BOUNCES):
         normal = shape.normal[tubes.patch]
         normal = normal * -np.sign(_dot(tubes.direction, normal))[:, None]
         tubes.gamma = tubes.gamma * -_coefficient(tubes.direction, normal, epsilon)
-        home = radar - tubes.place
+        home = radar - tubes.point
         seen = _dot(home, normal) > 0
-        seen[seen] = shape.next(tubes.place[seen], _unit(home[seen]), tubes.patch[seen])[0] < 0
-        parts.append(_sent_back(tubes.take(seen), normal[seen], radar, wavelength_m))
+        seen[seen] = shape.next(tubes.point[seen], _unit(home[seen]), tubes.patch[seen])[0] < 0
+        parts.append(_returned(tubes.take(seen), normal[seen], radar, wavelength_m))
         tubes = _mirrored(tubes, normal, shape)
     names = ("first", "last", "path_m", "amplitude")
-    return Aperture(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    return SurfacePaths(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 def _patches_of(target: Target) -> "_Patches":
@@ -195,28 +207,28 @@ def _patches_of(target: Target) -> "_Patches":
 
 
 class _Patches:
-    """Plane patches (P, 3, 3), each a corner and two edges: what a ray meets of them."""
+    """Plane patches (P, 3, 3), each a corner and two edges, and their intersections with rays."""
 
     def __init__(self, patches: Vectors, *, triangular: bool) -> None:
         self.corner, self.first, self.second = patches.transpose(1, 0, 2)
         self.triangular = triangular
         area = np.cross(self.first, self.second)
         self.normal = _unit(area)
-        # Dual edges: a point's two coordinates in its patch are its products with them.
+        # Dual edges: the two coordinates of a point in its patch are its products with them.
         scale = _dot(area, area)[:, None]
         self._duals = np.cross(self.second, area) / scale, np.cross(area, self.first) / scale
 
     def nearest_m(self, radar: Vectors) -> float:
-        """Return the distance from `radar` (3,) to the nearest patch, taken as whole parallelograms [m]."""
+        """Return the distance from `radar` (3,) to the nearest patch, taken as a whole parallelogram [m]."""
         offset = radar - self.corner
         u, v = (np.clip(_dot(offset, dual), 0, 1)[:, None] for dual in self._duals)
         return float(np.linalg.norm(offset - u * self.first - v * self.second, axis=1).min())
 
     def steps(self, radar: Vectors, target: Target, wavelength_m: float) -> tuple[int, int]:
-        """Return how many cells each edge is cut into, so that the phase is about linear in each.
+        """Return the number of cells along each edge, so that the phase is about linear in each.
 
         Raises:
-            ValueError: they would be too many.
+            ValueError: They would be too many.
         """
         cell_m = _FRESNEL_SHARE * math.sqrt(wavelength_m * self.nearest_m(radar))
         edges_m = [float(np.linalg.norm(edge, axis=1).max()) for edge in (self.first, self.second)]
@@ -231,11 +243,11 @@ class _Patches:
         return (largest, largest) if self.triangular else (first, second)
 
     def grid(self, steps: tuple[int, int]) -> tuple[NDArray[np.int64], Vectors, NDArray[np.float64]]:
-        """Return patch (S,), place (S, 3) [m] and area (S,) [m^2] of the cells of all patches."""
+        """Return patch (S,), centre (S, 3) [m] and area (S,) [m^2] of the cells of all patches."""
         i, j = (values.ravel() for values in np.meshgrid(*map(np.arange, steps), indexing="ij"))
         inside = i + j < steps[0] if self.triangular else np.full(len(i), True)
         i, j = i[inside], j[inside]
-        # Cells on a triangle's long edge are halved; their middle is a third from the right angle.
+        # Cells on the long edge of a triangle are halved; their centroid is a third from the right angle.
         half = (i + j == steps[0] - 1) & self.triangular
         middle = np.where(half, 1 / 3, 1 / 2)
         u, v = (((k + middle) / n)[None, :, None] for k, n in zip((i, j), steps, strict=True))
@@ -244,17 +256,17 @@ class _Patches:
         area = whole[:, None] * np.where(half, 0.5, 1.0)
         return np.repeat(np.arange(len(self.corner)), len(i)), place.reshape(-1, 3), area.ravel()
 
-    def next(self, place: Vectors, way: Vectors, own: NDArray) -> tuple[NDArray[np.int64], NDArray]:
-        """Return which other patch rays from `place` (S, 3) on patch `own` (S,) meet, -1 for none, and where.
+    def next(self, place: Vectors, direction: Vectors, own: NDArray) -> tuple[NDArray[np.int64], NDArray]:
+        """Return the next patch (S,) that rays from `place` (S, 3) on patch `own` (S,) meet, -1 for none.
 
-        The distance (S,) [m] is that along the unit `way` (S, 3).
+        With it the distance (S,) along the unit `direction` (S, 3) [m].
         """
         nearest, best = np.full(len(place), -1), np.full(len(place), np.inf)
         for patch in range(len(self.corner)):
-            closing = way @ self.normal[patch]
+            closing = direction @ self.normal[patch]
             with np.errstate(divide="ignore", invalid="ignore"):
                 distance = ((self.corner[patch] - place) @ self.normal[patch]) / closing
-                offset = place + way * distance[:, None] - self.corner[patch]
+                offset = place + direction * distance[:, None] - self.corner[patch]
             u, v = offset @ self._duals[0][patch], offset @ self._duals[1][patch]
             inside = (u >= 0) & (v >= 0) & ((u + v <= 1) if self.triangular else (u <= 1) & (v <= 1))
             nearer = inside & (distance > 0) & (distance < best) & (own != patch)
@@ -262,8 +274,8 @@ class _Patches:
         return nearest, best
 
 
-def _lit(shape: _Patches, radar: Vectors, steps: tuple[int, int]) -> _Tubes:
-    """Return the tubes from the radar to every cell that no other patch hides."""
+def _illuminated(shape: _Patches, radar: Vectors, steps: tuple[int, int]) -> _Tubes:
+    """Return the tubes from the radar to all cells that no other patch hides."""
     patch, place, area = shape.grid(steps)
     away = place - radar
     length = np.linalg.norm(away, axis=1)
@@ -274,7 +286,7 @@ def _lit(shape: _Patches, radar: Vectors, steps: tuple[int, int]) -> _Tubes:
     across, along = ((end - direction * _dot(end, direction)[:, None]) / length[:, None] for end in ends)
     return _Tubes(
         first=place,
-        place=place,
+        point=place,
         direction=direction,
         across=across,
         along=along,
@@ -286,21 +298,21 @@ def _lit(shape: _Patches, radar: Vectors, steps: tuple[int, int]) -> _Tubes:
 
 
 def _mirrored(tubes: _Tubes, normal: Vectors, shape: _Patches) -> _Tubes:
-    """Return the tubes that go on to another patch."""
+    """Return the tubes that are reflected onto another patch."""
 
-    def turned(vector: Vectors) -> Vectors:
+    def reflected(vector: Vectors) -> Vectors:
         return vector - 2 * _dot(vector, normal)[:, None] * normal
 
-    direction = turned(tubes.direction)
-    patch, distance = shape.next(tubes.place, direction, tubes.patch)
+    direction = reflected(tubes.direction)
+    patch, distance = shape.next(tubes.point, direction, tubes.patch)
     meets = patch >= 0
     distance = np.where(meets, distance, 0.0)
     return _Tubes(
         first=tubes.first,
-        place=tubes.place + direction * distance[:, None],
+        point=tubes.point + direction * distance[:, None],
         direction=direction,
-        across=turned(tubes.across),
-        along=turned(tubes.along),
+        across=reflected(tubes.across),
+        along=reflected(tubes.along),
         travelled=tubes.travelled + distance,
         solid=tubes.solid,
         gamma=tubes.gamma,
@@ -308,9 +320,9 @@ def _mirrored(tubes: _Tubes, normal: Vectors, shape: _Patches) -> _Tubes:
     ).take(meets)
 
 
-def _sent_back(tubes: _Tubes, normal: Vectors, radar: Vectors, wavelength_m: float) -> Aperture:
-    """Return the paths from the tubes' places straight to the radar."""
-    away = tubes.place - radar
+def _returned(tubes: _Tubes, normal: Vectors, radar: Vectors, wavelength_m: float) -> SurfacePaths:
+    """Return the paths from the points of the tubes straight to the radar."""
+    away = tubes.point - radar
     back_m = np.linalg.norm(away, axis=1)
     steepest = tubes.direction + away / back_m[:, None]
     facing = _dot(tubes.direction, normal)
@@ -320,13 +332,12 @@ def _sent_back(tubes: _Tubes, normal: Vectors, radar: Vectors, wavelength_m: flo
         end = tubes.travelled[:, None] * (change - tubes.direction * slant[:, None])
         size = size * np.sinc(_dot(steepest, end) / wavelength_m)
     path_m = tubes.travelled + back_m
-    return Aperture(
-        first=tubes.first, last=tubes.place, path_m=path_m, amplitude=size * _turned(path_m, wavelength_m)
-    )
+    amplitude = size * _phase_factor(path_m, wavelength_m)
+    return SurfacePaths(first=tubes.first, last=tubes.point, path_m=path_m, amplitude=amplitude)
 
 
 def _coefficient(direction: Vectors, normal: Vectors, epsilon: complex) -> NDArray[np.float64]:
-    """Return |Gamma| (S,) of a vertically polarised wave, its power shared between TE and TM."""
+    """Return |Gamma| (S,) of a vertically polarised wave, its power divided between TE and TM."""
     te, tm = (np.abs(part) ** 2 for part in reflection(epsilon, np.clip(-_dot(direction, normal), 0, 1)))
     sideways = np.cross(direction, normal)
     up = np.array([0.0, 0.0, 1.0]) - direction * direction[:, 2:]

@@ -1,7 +1,7 @@
-"""Traces one scan: rays of all rows at once, bounce after bounce, into the echoes that each row hears.
+"""Traces one scan: rays of all azimuths together, bounce after bounce, into the echoes of each azimuth.
 
-Read `Tracer.trace` first. Settings and what stays the same from scan to scan live in the Tracer; a scan gives
-the radar's poses by row and the movers' states.
+Read `Tracer.trace` first. The tracer holds what is the same in every scan; what one scan adds is its
+`ScanState`.
 """
 
 import math
@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.scene import CLASSES
 from echoscape.scenes.core.targets import PlacedTarget
 from echoscape.sim.echoes import Echoes, Returns
-from echoscape.sim.kinematics.rolling_scan import AzimuthPoses, MoverStates
 from echoscape.sim.raytracing.beam_weighting import BeamEchoes, BeamWeighting
 from echoscape.sim.raytracing.bounces import BounceSampler, RayBatch, ReturnPaths, picked
 from echoscape.sim.raytracing.intersection import Hits, RayScene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
-from echoscape.sim.raytracing.mitsuba_scene import MitsubaScene
-from echoscape.sim.raytracing.ray_sampling import PrimaryRays
+from echoscape.sim.raytracing.ray_sampling import PrimaryHits, PrimaryRays
+from echoscape.sim.raytracing.scan_state import ScanState
 from echoscape.sim.raytracing.surface.scattering import Surfaces
 from echoscape.sim.raytracing.surface.speckle import hash32
 from echoscape.sim.raytracing.target_echoes import TargetEchoes
@@ -30,19 +29,18 @@ from echoscape.sim.sensor.sensor import Sensor
 from echoscape.sim.settings.surfaces import SurfaceSettings
 from echoscape.sim.settings.tracing import TraceSettings
 
-LIKELY_BRDF = 0.3
-"""Scattering [1/sr] of a rough wall met head on: what a mirrored ray is assumed to meet next."""
+EXPECTED_BRDF = 0.3
+"""BRDF [1/sr] of a rough wall at normal incidence: what a reflected ray is assumed to meet next."""
 LEAST_CHANCE = 0.1
-"""A mirrored ray goes on at least this often: it may meet a glint, which is a thousand times brighter."""
+"""A reflected ray is kept at least this often: it may meet a glint, which is a thousand times stronger."""
 GROUND_CLASSES = tuple(CLASSES.index(name) for name in ("none", "ground", "road", "pavement", "kerb"))
 
 
 class Tracer:
-    """Traces scans of one sensor in one town."""
+    """Traces scans of one sensor in one scene."""
 
     def __init__(
         self,
-        scene: MitsubaScene,
         sensor: Sensor,
         settings: TraceSettings,
         *,
@@ -51,22 +49,28 @@ class Tracer:
         seed: int,
         surfaces: SurfaceSettings | None = None,
     ) -> None:
-        """`instance_class` (I,) names the class of every instance id, movers included.
+        """Draw the primary rays and tabulate patterns and scattering.
 
-        Coherent ones among the `targets` send back their phase sum; rays see them as mirrors and obstacles.
+        Args:
+            sensor: The radar.
+            settings: Number of rays, bounces and the floor.
+            instance_class: Class id of every instance id, moving objects included (I,) uint8.
+            targets: Test targets of the scene. Coherent ones return their phase sum; rays see them as
+                mirrors and obstacles.
+            seed: Decides ray directions, speckle and texture.
+            surfaces: Changes to the roughness of the materials.
         """
-        self._scene = scene
         self._sensor = sensor
         self._settings = settings
         self.antenna = antenna = Antenna(sensor)
-        self._fan = PrimaryRays(sensor, antenna, rays=settings.rays, seed=seed)
-        world_elevation = np.linspace(-math.pi / 2, math.pi / 2, len(antenna.elevation_grid_rad))
+        self._primary = PrimaryRays(sensor, antenna, rays=settings.rays, seed=seed)
+        elevation = np.linspace(-math.pi / 2, math.pi / 2, len(antenna.elevation_grid_rad))
         gain = np.interp(
-            world_elevation - math.radians(sensor.mount_tilt_deg),
+            elevation - math.radians(sensor.mount_tilt_deg),
             antenna.elevation_grid_rad,
             antenna.elevation_one_way,
         )
-        self._scatterer = BounceSampler(
+        self._bounces = BounceSampler(
             surfaces=Surfaces(sensor.carrier_hz, sensor.wavelength_m, surfaces),
             link=link_w_m2(sensor),
             elevation_gain=gain,
@@ -76,28 +80,40 @@ class Tracer:
         self._floor_w = (
             floor_units / units_per_watt(sensor) / 10 ** (max(y for _, y in sensor.range_gain_db) / 10)
         )
-        self._hearing = BeamWeighting(sensor, antenna, floor_w=self._floor_w)
+        self._beam = BeamWeighting(sensor, antenna, floor_w=self._floor_w)
         self._obstacle = ~np.isin(instance_class, GROUND_CLASSES)
         self._targets = TargetEchoes(targets, sensor, antenna, floor_w=self._floor_w)
-        coherent = np.isin(np.arange(len(instance_class)), self._targets.instances)
-        self._coherent = mi.Bool(coherent)
+        self._coherent = mi.Bool(np.isin(np.arange(len(instance_class)), self._targets.instances))
 
-    def trace(self, poses: AzimuthPoses, states: MoverStates, *, ghosts: bool = True) -> Echoes:
-        """Return the echoes of one scan for the antenna at `poses` and the movers at `states`.
+    def launch(self, state: ScanState) -> PrimaryHits:
+        """Send the primary rays of a scan.
 
-        Without `ghosts` only direct echoes are looked for; they are the same as with them.
+        Args:
+            state: The scan.
+
+        Returns:
+            The rays and what each meets first.
+        """
+        rays = self._primary.rays(state.pose_tables)
+        return PrimaryHits(rays=rays, hits=self._intersect(state.ray_scene, rays))
+
+    def trace(self, state: ScanState, primary: PrimaryHits, *, ghosts: bool = True) -> Echoes:
+        """Return the echoes of a scan.
+
+        Args:
+            state: The scan.
+            primary: What its primary rays meet.
+            ghosts: Whether to follow paths of more than one bounce; direct echoes do not depend on it.
+
+        Returns:
+            The echoes, without an origin.
         """
         max_bounces = self._settings.max_bounces if ghosts else 1
-        world = RayScene(self._scene, states, self._sensor.azimuths)
-        self._hearing.place(poses)
-        rays = self._fan.rays(poses)
-        heard: list[tuple[ReturnPaths, BeamEchoes] | None] = []
+        rays, hits = primary.rays, primary.hits
+        first_obstacle_m = self._primary.first_obstacle_m(hits, obstacle=self._obstacle)
+        received: list[tuple[ReturnPaths, BeamEchoes] | None] = []
         met: list[_Met] = []
-        first_m = np.full(self._sensor.azimuths, np.inf, np.float32)
         for depth in range(1, max_bounces + 1):
-            hits = self._meet(world, rays)
-            if depth == 1:
-                first_m = self._fan.first_obstacle_m(hits, obstacle=self._obstacle)
             index = dr.compress(hits.active)
             if len(index) == 0:
                 break
@@ -106,91 +122,92 @@ class Tracer:
             dr.eval(rays, hits)
             met.append(_Met(rays.number.numpy(), hits.instance.numpy()))
             if 2 * depth - 1 <= max_bounces:
-                heard.append(self._hearing.hear(self._scatterer.same_path(rays, hits, depth=depth)))
+                direct = self._bounces.same_path_returns(rays, hits, depth=depth)
+                received.append(self._beam.echoes(direct, state.pose_tables))
             if depth > 1:
-                loops = self._loops(world, rays, hits, poses, depth=depth)
-                heard.append(self._hearing.hear(loops) if loops else None)
+                loops = self._free_loops(state, rays, hits, depth=depth)
+                received.append(self._beam.echoes(loops, state.pose_tables) if loops else None)
             if depth < max_bounces:
-                onward = self._onward(rays, hits, depth=depth)
+                onward = self._reflected(rays, hits, depth=depth)
                 if onward is None:
                     break
-                rays = onward
-        parts = [(_returns(paths, met), part) for paths, part in filter(None, heard)]
-        targets = self._targets.hear(world, poses)
-        return _gathered([*parts, targets] if targets else parts, first_m)
+                rays, hits = onward, self._intersect(state.ray_scene, onward)
+        groups = [(_returns(paths, met), echoes) for paths, echoes in filter(None, received)]
+        targets = self._targets.echoes(state)
+        return _joined_groups([*groups, targets] if targets else groups, first_obstacle_m)
 
-    def clear_share(
-        self, poses: AzimuthPoses, states: MoverStates, edges_m: NDArray[np.float64]
-    ) -> NDArray[np.float32]:
-        """Return the share of each row's two-way beam that reaches ranges (azimuths, len(edges_m)).
+    def clear_share(self, primary: PrimaryHits, edges_m: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return the share of the two-way beam of each azimuth that reaches given ranges.
 
-        edges_m: increasing [m].
+        Args:
+            primary: What the primary rays of the scan meet.
+            edges_m: The ranges (K,), increasing [m].
+
+        Returns:
+            Shares (azimuths, K), 0 to 1.
         """
-        world = RayScene(self._scene, states, self._sensor.azimuths)
-        return self._fan.clear_share(self._meet(world, self._fan.rays(poses)), edges_m)
+        return self._primary.clear_share(primary.hits, edges_m)
 
-    def _meet(self, world: RayScene, rays: RayBatch) -> Hits:
-        """Intersect rays with the world as far as the sensor can hear."""
+    def _intersect(self, ray_scene: RayScene, rays: RayBatch) -> Hits:
+        """Intersect rays with the scene up to the range of the sensor."""
         reach = self._sensor.range_m * 1.02 - mi.Float(rays.travelled)
-        hits = world.meet(rays.origin, rays.direction, rays.row, reach, mi.Bool(reach > 0))
+        hits = ray_scene.intersect(rays.origin, rays.direction, rays.azimuth, reach, mi.Bool(reach > 0))
         dr.eval(rays, hits)
         return hits
 
-    def _loops(
-        self, world: RayScene, rays: RayBatch, hits: Hits, poses: AzimuthPoses, *, depth: int
-    ) -> ReturnPaths | None:
-        """Return the loop returns of hits that would be heard and that see the radar, None without any."""
-        sensor = mi.Point3d(dr.gather(mi.Vector3d, mi.Float64(poses.position.ravel()), rays.row))
-        loops = self._scatterer.loop(rays, hits, sensor, depth=depth)
-        loud = loops.power * self._hearing.loop_gain(loops) > self._floor_w
-        start = hits.place + hits.normal * 1e-3
-        dr.eval(loops, loud, start, sensor)
-        index = dr.compress(loud)
+    def _free_loops(self, state: ScanState, rays: RayBatch, hits: Hits, *, depth: int) -> ReturnPaths | None:
+        """Return the loops above the floor whose last leg is free, None where there are none."""
+        poses = state.pose_tables
+        antenna = mi.Point3d(dr.gather(mi.Vector3d, poses.position, rays.azimuth))
+        loops = self._bounces.loop_returns(rays, hits, antenna, depth=depth)
+        strong = loops.power * self._beam.largest_loop_gain(loops, poses) > self._floor_w
+        start = hits.point + hits.normal * 1e-3
+        dr.eval(loops, strong, start, antenna)
+        index = dr.compress(strong)
         if len(index) == 0:
             return None
-        loops, start, sensor = (
+        loops, start, antenna = (
             picked(loops, index),
             dr.gather(type(start), start, index),
-            dr.gather(type(sensor), sensor, index),
+            dr.gather(type(antenna), antenna, index),
         )
-        way = sensor - start
-        length = dr.norm(way)
-        hidden = world.blocked(
-            start, way / length, loops.row, mi.Float(length), dr.full(mi.Bool, True, len(index))
-        )
+        home = antenna - start
+        length = dr.norm(home)
+        active = dr.full(mi.Bool, True, len(index))
+        hidden = state.ray_scene.occluded(start, home / length, loops.azimuth, mi.Float(length), active)
         dr.eval(loops, hidden)
         index = dr.compress(~hidden)
         return picked(loops, index) if len(index) else None
 
-    def _onward(self, rays: RayBatch, hits: Hits, *, depth: int) -> RayBatch | None:
-        """Return the mirrored rays that are worth following, None without any.
+    def _reflected(self, rays: RayBatch, hits: Hits, *, depth: int) -> RayBatch | None:
+        """Return the reflected rays that are worth following, None where there are none.
 
-        A ray whose next return is likely to be weak goes on with the chance of that return over the floor,
-        and stands for as many more (Russian roulette; Arvo & Kirk 1990): the mean stays, the work shrinks.
+        A ray whose next return is likely to be weak is kept with the chance of that return over the floor,
+        and its density falls by as much (Russian roulette; Arvo & Kirk 1990): fewer rays, the same mean.
         """
-        onward = self._scatterer.mirrored(rays, hits)
-        likely = link_w_m2(self._sensor) * dr.square(onward.weight * rays.gain) * LIKELY_BRDF / rays.density
+        onward = self._bounces.mirror_rays(rays, hits)
+        likely = link_w_m2(self._sensor) * dr.square(onward.weight * rays.gain) * EXPECTED_BRDF / rays.density
         chance = likely / dr.square(mi.Float(onward.travelled)) / self._floor_w
         chance = dr.select(onward.weight > 1e-6, dr.clip(chance, LEAST_CHANCE, 1), 0)
-        lot = mi.Float(hash32(rays.number ^ (0x51ED270B * depth)) >> 8) * (1.0 / 16777216.0)
+        draw = mi.Float(hash32(rays.number ^ (0x51ED270B * depth)) >> 8) * (1.0 / 16777216.0)
         onward.density = rays.density * chance
-        goes = lot < chance
-        dr.eval(onward, goes)
-        index = dr.compress(goes)
+        kept = draw < chance
+        dr.eval(onward, kept)
+        index = dr.compress(kept)
         return picked(onward, index) if len(index) else None
 
 
 @dataclass(frozen=True)
 class _Met:
-    """What rays met at one depth: numbers (N,) increasing, instances (N,)."""
+    """What rays met at one depth: ray numbers (N,), increasing, and instances (N,)."""
 
     number: NDArray[np.uint32]
     instance: NDArray[np.uint32]
 
 
 def _returns(paths: ReturnPaths, met: Sequence[_Met]) -> Returns:
-    """Return what the paths are; a same-path return of order 2 d - 1 met d surfaces on its way out."""
-    number, count = paths.number.numpy(), dr.width(paths.row)
+    """Describe return paths; a same-path return of order 2 d - 1 met d surfaces on its way out."""
+    number, count = paths.number.numpy(), dr.width(paths.azimuth)
     depth = paths.bounces if paths.back is not paths.out else (paths.bounces + 1) // 2
     surfaces = [each.instance[np.searchsorted(each.number, number)] for each in met[:depth]]
     return Returns(
@@ -203,34 +220,36 @@ def _returns(paths: ReturnPaths, met: Sequence[_Met]) -> Returns:
     )
 
 
-def _gathered(heard: Sequence[tuple[Returns, BeamEchoes]], first_m: NDArray[np.float32]) -> Echoes:
-    """Join the echoes of all groups of returns."""
-    starts = np.cumsum([0, *(len(returns.bounces) for returns, _ in heard)])
-    deepest = max((returns.surfaces.shape[1] for returns, _ in heard), default=1)
+def _joined_groups(
+    groups: Sequence[tuple[Returns, BeamEchoes]], first_obstacle_m: NDArray[np.float32]
+) -> Echoes:
+    """Join the echoes of all groups of return paths."""
+    starts = np.cumsum([0, *(len(returns.bounces) for returns, _ in groups)])
+    deepest = max((returns.surfaces.shape[1] for returns, _ in groups), default=1)
     returns = Returns(
-        bounces=_joined([each.bounces for each, _ in heard], np.uint8),
-        instance=_joined([each.instance for each, _ in heard], np.uint32),
-        material=_joined([each.material for each, _ in heard], np.uint8),
-        moving=_joined([each.moving for each, _ in heard], np.bool_),
+        bounces=_joined([each.bounces for each, _ in groups], np.uint8),
+        instance=_joined([each.instance for each, _ in groups], np.uint32),
+        material=_joined([each.material for each, _ in groups], np.uint8),
+        moving=_joined([each.moving for each, _ in groups], np.bool_),
         surfaces=np.concatenate(
             [np.zeros((0, deepest), np.uint32)]
-            + [np.pad(each.surfaces, ((0, 0), (0, deepest - each.surfaces.shape[1]))) for each, _ in heard]
+            + [np.pad(each.surfaces, ((0, 0), (0, deepest - each.surfaces.shape[1]))) for each, _ in groups]
         ),
-        coherent=_joined([each.coherent for each, _ in heard], np.bool_),
+        coherent=_joined([each.coherent for each, _ in groups], np.bool_),
     )
     return Echoes(
-        azimuth=_joined([part.row for _, part in heard], np.int32),
-        range_m=_joined([part.range_m for _, part in heard], np.float64),
-        amplitude=_joined([part.amplitude for _, part in heard], np.complex64),
-        mean_power=_joined([part.mean_power for _, part in heard], np.float32),
+        azimuth=_joined([part.azimuth for _, part in groups], np.int32),
+        range_m=_joined([part.range_m for _, part in groups], np.float64),
+        amplitude=_joined([part.amplitude for _, part in groups], np.complex64),
+        mean_power=_joined([part.mean_power for _, part in groups], np.float32),
         source=_joined(
-            [part.source + np.uint32(start) for (_, part), start in zip(heard, starts, strict=False)],
+            [part.source + np.uint32(start) for (_, part), start in zip(groups, starts, strict=False)],
             np.uint32,
         ),
-        sidelobe=_joined([part.sidelobe for _, part in heard], np.bool_),
-        closing_mps=_joined([part.closing_mps for _, part in heard], np.float32),
+        sidelobe=_joined([part.sidelobe for _, part in groups], np.bool_),
+        closing_mps=_joined([part.closing_mps for _, part in groups], np.float32),
         returns=returns,
-        first_m=first_m,
+        first_obstacle_m=first_obstacle_m,
     )
 
 

@@ -15,7 +15,7 @@ from echoscape.scenes.core.targets import Target
 from echoscape.sim.datasets.polar_scan import Component
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.raytracing import target_echoes
-from echoscape.sim.raytracing.physical_optics import aperture
+from echoscape.sim.raytracing.physical_optics import surface_paths
 from echoscape.sim.raytracing.surface.fresnel import permittivity
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.settings.artefacts import Artefacts
@@ -160,7 +160,7 @@ def test_sum_over_a_near_plate_is_the_integral(size_m: float, range_m: float, la
     # The square's integral is that of one edge squared but for cos and 1/R^2, near 1 where phases count:
     # take it whole, on a grid of a tenth of a wavelength of path from cell to cell.
     target = ahead("plate", range_m, size_m, size_m)
-    paths = aperture(
+    paths = surface_paths(
         target,
         np.array([0.0, 0.0, HEIGHT_M]),
         wavelength_m=WAVELENGTH_M,

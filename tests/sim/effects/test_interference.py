@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from echoscape.scenes.core.scene import Mesh, Mover
 from echoscape.sim.datasets.polar_scan import Component
+from echoscape.sim.effects.echo_filter import Selection
 from echoscape.sim.effects.interference import (
     ChirpRadar,
     crossings,
@@ -175,7 +176,8 @@ def simulator(
 
 def added(made: Simulator) -> NDArray[np.float32]:
     """What other radars add to the beat signals of scan 0."""
-    found = made._others(0, made.artefacts)
+    propagation = made._propagate(0, [made.artefacts], Selection())
+    found = made._interference(propagation, made.artefacts)
     assert found is not None
     return found
 

@@ -19,6 +19,7 @@ from echoscape.sim.effects.rain import (
     specific_attenuation_db_km,
     water_permittivity,
 )
+from echoscape.sim.raytracing.scan_state import scan_state
 from echoscape.sim.sensor.antenna import Antenna
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.sensor import Sensor
@@ -129,10 +130,10 @@ def test_what_stands_on_the_vehicle_hides_rain_as_well() -> None:
 def clear_share(*things: Thing, rays: int = 256) -> NDArray[np.float32]:
     """Share of the beam (400, 4000) that gets as far as each decimetre."""
     made = Simulator(world(*things), standing(), seed=4, settings=TraceSettings(rays=rays))
-    states = made._timeline.states(0, Artefacts())
-    return made._tracer.clear_share(
-        made._timeline.poses(0, Artefacts()), states, np.arange(4000, dtype=np.float64) * 0.1
-    )
+    revolution, dry = made.revolution(0), Artefacts()
+    poses, movers = made._timeline.poses(revolution, dry), made._timeline.movers(revolution, dry)
+    state = scan_state(made._scene, index=0, revolution=revolution, poses=poses, movers=movers)
+    return made._tracer.clear_share(made._tracer.launch(state), np.arange(4000, dtype=np.float64) * 0.1)
 
 
 def test_road_takes_the_lower_part_of_the_beam() -> None:

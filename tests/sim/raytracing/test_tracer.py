@@ -201,7 +201,7 @@ def test_standing_mover_keeps_its_speckle_and_things_behind_it_are_hidden() -> N
     assert np.array_equal(first.amplitude, second.amplitude)
     direct = (first.bounces == 1) & ~first.sidelobe
     assert not ((first.instance == 1) & direct & (first.azimuth == 0)).any()
-    assert first.first_m[0] == pytest.approx(14.0, abs=0.05)
+    assert first.first_obstacle_m[0] == pytest.approx(14.0, abs=0.05)
 
 
 def test_echoes_do_not_depend_on_threads() -> None:
@@ -242,7 +242,7 @@ def test_bounce_limit_leaves_out_the_orders_above_it_and_no_others(limit: int) -
 def test_empty_world_is_silent() -> None:
     echoes = traced(world(), standing())
     assert len(echoes) == 0
-    assert np.isinf(echoes.first_m).all()
+    assert np.isinf(echoes.first_obstacle_m).all()
 
 
 @pytest.mark.parametrize(

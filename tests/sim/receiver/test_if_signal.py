@@ -55,7 +55,10 @@ def test_sums_of_echoes_do_not_depend_on_their_order_beyond_rounding() -> None:
     echoes = random_echoes(200, 9, 20)
     order = np.random.default_rng(1).permutation(200)
     shuffled = point_echoes(
-        azimuth=echoes.azimuth[order], range_m=echoes.range_m[order], amplitude=echoes.amplitude[order], azimuths=2
+        azimuth=echoes.azimuth[order],
+        range_m=echoes.range_m[order],
+        amplitude=echoes.amplitude[order],
+        azimuths=2,
     )
     np.testing.assert_allclose(echo_grid(shuffled, SENSOR), echo_grid(echoes, SENSOR), atol=1e-6)
 

@@ -81,7 +81,9 @@ def test_weak_echoes_do_not_clip() -> None:
 def test_phase_noise_filter_is_the_sum_over_echoes_with_their_own_delays() -> None:
     rng = np.random.default_rng(2)
     ranges, sensor = np.array([7.0, 41.3, 80.2]), replace(SMALL, azimuths=1)
-    echoes = point_echoes(azimuth=np.zeros(3), range_m=ranges, amplitude=np.array([1.0, 0.5j, -0.3]), azimuths=1)
+    echoes = point_echoes(
+        azimuth=np.zeros(3), range_m=ranges, amplitude=np.array([1.0, 0.5j, -0.3]), azimuths=1
+    )
     # Strong, so that small-angle shortcuts would show; slow, so that no sideband passes half the rate.
     slow = np.fft.rfft(10 * phase_noise(sensor, rows=1, count=2048, rng=rng))
     slow[:, 300:] = 0

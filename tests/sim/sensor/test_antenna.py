@@ -37,7 +37,7 @@ def test_rays_weighted_by_their_density_hold_the_patterns_energy(
     antenna: Antenna, directions: Directions
 ) -> None:
     for row in (0, 137, 399):
-        near = np.abs(directions.row.astype(int) - row) < 100  # not across the seam of first and last row
+        near = np.abs(directions.azimuth.astype(int) - row) < 100  # not across the seam of first and last row
         offset = directions.azimuth_rad - row * 2 * math.pi / CTS350X.azimuths
         gain = antenna.two_way_gain(offset, directions.elevation_rad) / antenna.peak_gain**2
         # Stratified: the error is well below the 3 % that as many independent rays would have.
@@ -54,7 +54,7 @@ def test_density_counts_the_rays_of_a_solid_angle(directions: Directions) -> Non
 
 
 def test_rays_follow_the_pattern_and_reach_its_sidelobes(directions: Directions) -> None:
-    offset = directions.azimuth_rad - directions.row * 2 * math.pi / CTS350X.azimuths
+    offset = directions.azimuth_rad - directions.azimuth * 2 * math.pi / CTS350X.azimuths
     offset = np.degrees(np.abs((offset + math.pi) % (2 * math.pi) - math.pi))
     assert np.mean(offset < 0.6) == pytest.approx(0.77, abs=0.08)  # the -3 dB width holds some three quarters
     assert np.sum(offset > 3.0) > 0
@@ -74,7 +74,7 @@ def test_rays_that_point_far_across_the_seam_have_a_density(antenna: Antenna) ->
     # Of these, one leaves row 50 by 74 deg to the left, where no row within the scan points.
     rng = np.random.default_rng(np.random.SeedSequence([45, 300]))
     drawn = draw_directions(antenna, rays=1024, rng=rng)
-    offset = np.degrees(drawn.azimuth_rad - drawn.row * 2 * math.pi / CTS350X.azimuths)
+    offset = np.degrees(drawn.azimuth_rad - drawn.azimuth * 2 * math.pi / CTS350X.azimuths)
     assert ((np.abs((offset + 180) % 360 - 180) > 60) & (np.abs(offset) > 180)).any()
     assert (drawn.density > 0).all()
 
@@ -88,9 +88,9 @@ def test_refuses_ray_counts_without_strata(antenna: Antenna, rays: int) -> None:
 def test_no_ray_outweighs_the_others_within_the_turn(antenna: Antenna, directions: Directions) -> None:
     # Away from the seam a ray's weight is the beam's peak over a density that is nearly even in azimuth.
     spacing = 2 * math.pi / CTS350X.azimuths
-    offset = directions.azimuth_rad - directions.row * spacing
+    offset = directions.azimuth_rad - directions.azimuth * spacing
     offset = (offset + math.pi) % (2 * math.pi) - math.pi
-    points_at = directions.row + offset / spacing
+    points_at = directions.azimuth + offset / spacing
     inner = (points_at > 10) & (points_at < 389)
     gain = antenna.two_way_gain(np.zeros(inner.sum()), directions.elevation_rad[inner])
     weight = gain / directions.density[inner]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.scene import Mover, Scene
 from echoscape.sim.datasets.polar_scan import Component, PolarScan
 from echoscape.sim.echoes import Echoes, point_echoes
-from echoscape.sim.effects.echo_scaling import changed, even_grid, speckled_grid
+from echoscape.sim.effects.echo_scaling import scaled_echoes, speckle_free_grid, speckled_grid
 from echoscape.sim.kinematics.rolling_scan import Revolution, azimuth_poses, sweep_times
 from echoscape.sim.receiver.if_signal import beat, echo_grid, spectrum
 from echoscape.sim.receiver.phase_noise import phase_noise
@@ -266,7 +266,9 @@ def test_without_speckle_a_dense_row_has_its_mean_power() -> None:
         )
     )
     sensor = replace(SMALL, sweep_ripple_db=CTS350X.sweep_ripple_db)
-    profile = np.abs(spectrum(beat(even_grid(echoes, sensor).astype(np.complex64), sensor), sensor)[0]) ** 2
+    profile = (
+        np.abs(spectrum(beat(speckle_free_grid(echoes, sensor).astype(np.complex64), sensor), sensor)[0]) ** 2
+    )
     inner = profile[int(25 / SMALL.bin_m) : int(115 / SMALL.bin_m)]
     # Per bin: power density x the sum of squares of window and ripple (Parseval), Hann's by hand.
     density = power_w / (100 / SMALL.bin_m)
@@ -315,7 +317,7 @@ def test_ground_without_speckle_is_even() -> None:
 def test_echoes_of_others_stay(name: str) -> None:
     traced = simulator().echoes(1)
     strength = 5.0 if name == "rain" else 0.0
-    after = changed(traced, replace(Artefacts(), **{name: strength}), CTS350X)
+    after = scaled_echoes(traced, replace(Artefacts(), **{name: strength}), CTS350X)
     left = {
         "ghosts": traced.bounces == 1,
         "sidelobes": ~traced.sidelobe,
