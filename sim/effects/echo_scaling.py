@@ -15,7 +15,7 @@ from echoscape.sim.echoes import Echoes
 from echoscape.sim.effects.rain import rain_gain
 from echoscape.sim.numerics.decibels import power_ratio
 from echoscape.sim.receiver.if_signal import beat, echo_grid, grid_place, spectrum, sweep_ripple
-from echoscape.sim.receiver.range_fft import row_blocks
+from echoscape.sim.receiver.range_fft import azimuth_blocks
 from echoscape.sim.sensor.link_budget import window
 from echoscape.sim.sensor.sensor import Sensor
 from echoscape.sim.settings.artefacts import Artefacts, Strengths
@@ -105,7 +105,7 @@ def speckle_free_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.float32]:
     power = np.bincount(echoes.azimuth * np.int64(bins) + place, echoes.mean_power, sensor.azimuths * bins)
     power = power.astype(np.float64, copy=False).reshape(sensor.azimuths, bins)
     grid = np.sqrt(power).astype(np.float32)
-    for rows in row_blocks(sensor.azimuths):
+    for rows in azimuth_blocks(sensor.azimuths):
         wanted = _expected_amplitude(power[rows], sensor)
         for _ in range(_ROUNDS):
             found = np.abs(spectrum(beat(grid[rows].astype(np.complex64), sensor), sensor))

@@ -1,7 +1,8 @@
 """From a grid of echoes to the signal at the converter: leakage, phase noise, thermal noise.
 
-Everything up to the converter is linear in the echoes, and its draws are those of the scan, so settings of
-artefacts share them: what one of them made is kept for the next, and no order of settings changes a byte.
+Everything before the converter is linear in the echoes, and its random draws depend on the scan alone, so
+settings of artefacts share them: a result is kept for the next setting, and the order of settings changes no
+byte.
 """
 
 import math
@@ -16,59 +17,75 @@ from echoscape.sim.echoes import point_echoes
 from echoscape.sim.numerics.decibels import power_ratio
 from echoscape.sim.receiver.if_signal import beat, echo_grid, spectrum
 from echoscape.sim.receiver.phase_noise import Modulation, modulated, modulation, phase_noise, sample_count
-from echoscape.sim.receiver.range_fft import row_blocks, written_power
+from echoscape.sim.receiver.range_fft import azimuth_blocks, written_power
 from echoscape.sim.sensor.sensor import Sensor
 
 PART_STEP = 2
-"""The parts of the power are told in every second bin: the point spread is some 8 bins wide."""
+"""Parts of the power are computed in every second bin, since the point spread is some 8 bins wide."""
 _KEPT = 4
 """Results of each kind that are kept: settings mostly differ from one of them in one strength."""
 
-_Made = TypeVar("_Made")
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
 class Part:
-    """What echoes or noise have alone, in every PART_STEP-th bin (A, S).
+    """The part of a signal that echoes or noise have alone, in every PART_STEP-th bin.
 
-    spectrum complex64 [sqrt(W)]; power float32: written power.
+    Attributes:
+        spectrum: Spectrum (azimuths, bins / PART_STEP) complex64 [sqrt(W)].
+        power: Written power (azimuths, bins / PART_STEP) float32.
     """
 
     spectrum: NDArray[np.complex64]
     power: NDArray[np.float32]
 
 
-class _Latest(Generic[_Made]):
-    """Keeps the results that were asked for last."""
+class _Latest(Generic[_Result]):
+    """Keeps the latest results."""
 
     def __init__(self) -> None:
-        self._kept: dict[Hashable, _Made] = {}
+        self._kept: dict[Hashable, _Result] = {}
 
-    def get(self, key: Hashable, make: Callable[[], _Made]) -> _Made:
-        made = self._kept.pop(key) if key in self._kept else make()
-        self._kept[key] = made
+    def get(self, key: Hashable, compute: Callable[[], _Result]) -> _Result:
+        result = self._kept.pop(key) if key in self._kept else compute()
+        self._kept[key] = result
         if len(self._kept) > _KEPT:
             del self._kept[next(iter(self._kept))]
-        return made
+        return result
 
 
 def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
-    """Return the leakage as a row of the grid of echoes (1, fft_size / 2) [sqrt(W)], alike in all rows."""
+    """Compute the transmit-receive leakage and the echoes of the radome, which are alike at all azimuths.
+
+    Args:
+        sensor: The radar.
+
+    Returns:
+        A grid of echoes (1, fft_size / 2) complex64 [sqrt(W)].
+    """
     range_m, level_dbm = np.array(sensor.leakage_dbm).T
     phase = -4 * math.pi * range_m / sensor.wavelength_m
     amplitude = np.sqrt(power_ratio(level_dbm - 30)) * np.exp(1j * phase)
     echoes = point_echoes(
         azimuth=np.zeros(len(range_m)), range_m=range_m, amplitude=amplitude, azimuths=sensor.azimuths
     )
-    return echo_grid(echoes, sensor, rows=1)
+    return echo_grid(echoes, sensor, azimuths=1)
 
 
 class NoiseRealisation:
-    """The receiver's draws of one scan, made when first asked for."""
+    """The receiver's random draws of one scan, made when they are first needed."""
 
     def __init__(
         self, sensor: Sensor, *, noise_rng: np.random.Generator, phase_rng: np.random.Generator
     ) -> None:
+        """Prepare without drawing.
+
+        Args:
+            sensor: The radar.
+            noise_rng: Draws thermal noise.
+            phase_rng: Draws phase noise.
+        """
         self._sensor = sensor
         self._noise_rng, self._phase_rng = noise_rng, phase_rng
         self._white: NDArray[np.float32] | None = None
@@ -78,12 +95,19 @@ class NoiseRealisation:
         self._modulation: _Latest[list[Modulation]] = _Latest()
 
     def thermal(self, kelvin: float) -> NDArray[np.float32] | None:
-        """Return the noise of all samples (azimuths, samples) float32 [sqrt(W)], white, k T fs / 2."""
+        """Draw the thermal noise of all samples: white, of variance k T fs / 2.
+
+        Args:
+            kelvin: Noise temperature T [K].
+
+        Returns:
+            Noise (azimuths, samples) float32 [sqrt(W)], None at 0 K.
+        """
         if not kelvin:
             return None
-        return self._thermal.get(kelvin, lambda: self._drawn_thermal(kelvin))
+        return self._thermal.get(kelvin, lambda: self._draw_thermal(kelvin))
 
-    def _drawn_thermal(self, kelvin: float) -> NDArray[np.float32]:
+    def _draw_thermal(self, kelvin: float) -> NDArray[np.float32]:
         sensor = self._sensor
         if self._white is None:
             shape = (sensor.azimuths, sensor.samples)
@@ -92,43 +116,75 @@ class NoiseRealisation:
         return self._white * np.float32(math.sqrt(power_w))
 
     def thermal_part(self, kelvin: float) -> Part:
-        """Return what the noise has alone."""
+        """Compute the part of the thermal noise.
+
+        Args:
+            kelvin: Noise temperature [K].
+
+        Returns:
+            Spectrum and written power of the noise alone.
+        """
         return self._parts.get(kelvin, lambda: _part(self.thermal(kelvin), self._sensor))
 
     def modulation(self, level: float) -> list[Modulation]:
-        """Return what phase noise does to each block of rows; `level`: its amplitude over the sensor's."""
-        return self._modulation.get(level, lambda: self._drawn_modulation(level))
+        """Draw the effect of phase noise.
 
-    def _drawn_modulation(self, level: float) -> list[Modulation]:
+        Args:
+            level: Amplitude of the phase noise relative to the sensor's.
+
+        Returns:
+            The modulation of each block of azimuths.
+        """
+        return self._modulation.get(level, lambda: self._draw_modulation(level))
+
+    def _draw_modulation(self, level: float) -> list[Modulation]:
         sensor = self._sensor
         if not self._phase:
+            count = sample_count(sensor)
             self._phase = [
-                phase_noise(
-                    sensor, rows=rows.stop - rows.start, count=sample_count(sensor), rng=self._phase_rng
-                )
-                for rows in row_blocks(sensor.azimuths)
+                phase_noise(sensor, azimuths=block.stop - block.start, count=count, rng=self._phase_rng)
+                for block in azimuth_blocks(sensor.azimuths)
             ]
         return [modulation(each if level == 1 else each * np.float32(level), sensor) for each in self._phase]
 
 
 class FrontEnd:
-    """What comes of one grid of echoes (azimuths, fft_size / 2) [sqrt(W)] before the converter."""
+    """The receiver before the converter, for one grid of echoes."""
 
     def __init__(self, grid: NDArray[np.complex64], sensor: Sensor, draws: NoiseRealisation) -> None:
+        """Prepare without computing.
+
+        Args:
+            grid: Echoes on the grid of range bins (azimuths, fft_size / 2) complex64 [sqrt(W)].
+            sensor: The radar.
+            draws: Random draws of the scan.
+        """
         self.draws = draws
         self._grid, self._sensor = grid, sensor
         self._mixed: _Latest[NDArray[np.float32]] = _Latest()
         self._echo: _Latest[Part] = _Latest()
 
     def mixed(self, *, leakage: float, level: float) -> NDArray[np.float32]:
-        """Return the beat signal (azimuths, samples) float32 [sqrt(W)] without thermal noise.
+        """Compute the beat signal after the mixer, without thermal noise.
 
-        leakage: its power over the sensor's; level: amplitude of phase noise over the sensor's.
+        Args:
+            leakage: Power of the leakage relative to the sensor's.
+            level: Amplitude of the phase noise relative to the sensor's.
+
+        Returns:
+            The beat signal (azimuths, samples) float32 [sqrt(W)].
         """
         return self._mixed.get((leakage, level), lambda: self._mix(leakage, level))
 
     def echo_part(self, *, leakage: float) -> Part:
-        """Return what echoes and leakage have alone, without phase noise."""
+        """Compute the part of echoes and leakage, without phase noise.
+
+        Args:
+            leakage: Power of the leakage relative to the sensor's.
+
+        Returns:
+            Spectrum and written power of echoes and leakage alone.
+        """
         return self._echo.get(leakage, lambda: _part(self.mixed(leakage=leakage, level=0.0), self._sensor))
 
     def _mix(self, leakage: float, level: float) -> NDArray[np.float32]:
@@ -136,18 +192,18 @@ class FrontEnd:
         leak = leakage_grid(sensor) * np.float32(math.sqrt(leakage))
         signal = np.empty((sensor.azimuths, sensor.samples), np.float32)
         noisy = self.draws.modulation(level) if level else None
-        for number, rows in enumerate(row_blocks(sensor.azimuths)):
-            grid = (self._grid[rows] + leak).astype(np.complex64, copy=False)
-            signal[rows] = modulated(grid, sensor, noisy[number]) if noisy else beat(grid, sensor)
+        for number, block in enumerate(azimuth_blocks(sensor.azimuths)):
+            grid = (self._grid[block] + leak).astype(np.complex64, copy=False)
+            signal[block] = modulated(grid, sensor, noisy[number]) if noisy else beat(grid, sensor)
         return signal
 
 
 def _part(signal: NDArray[np.float32] | None, sensor: Sensor) -> Part:
-    """Return the part of a signal (azimuths, samples), silence where there is none."""
+    """Return the part of a signal (azimuths, samples), zeros where there is none."""
     shape = (sensor.azimuths, -(-sensor.bins // PART_STEP))
     found, power = np.zeros(shape, np.complex64), np.zeros(shape, np.float32)
     if signal is not None:
-        for rows in row_blocks(sensor.azimuths):
-            found[rows] = spectrum(signal[rows], sensor, step=PART_STEP)
-            written_power(found[rows], sensor, step=PART_STEP, out=power[rows])
+        for block in azimuth_blocks(sensor.azimuths):
+            found[block] = spectrum(signal[block], sensor, step=PART_STEP)
+            written_power(found[block], sensor, step=PART_STEP, out=power[block])
     return Part(found, power)

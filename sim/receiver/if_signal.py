@@ -21,33 +21,56 @@ from echoscape.sim.sensor.link_budget import window
 from echoscape.sim.sensor.sensor import Sensor
 
 BIN_CENTRE = 0.5
-"""Where in its bin an echo peaks."""
+"""Position in a bin at which an echo peaks."""
 
 
 def sample_times(sensor: Sensor) -> NDArray[np.int64]:
-    """Return the times (samples,) of a sweep's samples from its middle, in sample steps."""
+    """List the times of a sweep's samples.
+
+    Args:
+        sensor: The radar.
+
+    Returns:
+        Times (samples,) from the sweep's middle, in sample steps.
+    """
     return np.arange(sensor.samples) - sensor.samples // 2
 
 
 def grid_place(range_m: NDArray, sensor: Sensor) -> NDArray[np.float64]:
-    """Return where on the grid of bins echoes at `range_m` lie, in bins."""
+    """Convert ranges to places on the grid of range bins.
+
+    Args:
+        range_m: Ranges of any shape [m].
+        sensor: The radar.
+
+    Returns:
+        Places of the same shape [bins].
+    """
     return np.asarray(range_m, np.float64) / sensor.bin_m - BIN_CENTRE
 
 
-def echo_grid(echoes: Echoes, sensor: Sensor, *, rows: int | None = None) -> NDArray[np.complex64]:
-    """Lay echoes on the grid of range bins: (rows or azimuths, fft_size / 2) complex64 [sqrt(W)].
+def echo_grid(echoes: Echoes, sensor: Sensor, *, azimuths: int | None = None) -> NDArray[np.complex64]:
+    """Sum echoes on the grid of range bins, with linear weights.
 
     Sums run in the order of the echoes, so the result does not depend on threads. Echoes nearer than half a
     bin or beyond the grid are clamped to its ends.
+
+    Args:
+        echoes: The echoes of a scan.
+        sensor: The radar.
+        azimuths: Number of azimuths, by default the sensor's.
+
+    Returns:
+        The grid (azimuths, fft_size / 2) complex64 [sqrt(W)].
     """
     bins = sensor.fft_size // 2
     place = np.clip(grid_place(echoes.range_m, sensor), 0, bins - 1.001)
     cell = place.astype(np.int64)
     fraction = (place - cell).astype(np.float32)
     index = echoes.azimuth * np.int64(bins) + cell
-    rows = sensor.azimuths if rows is None else rows
-    size = rows * bins
-    grid = np.empty((rows, bins), np.complex64)
+    azimuths = sensor.azimuths if azimuths is None else azimuths
+    size = azimuths * bins
+    grid = np.empty((azimuths, bins), np.complex64)
     for part in ("real", "imag"):
         values = getattr(echoes.amplitude, part)
         upper = values * fraction
@@ -66,22 +89,36 @@ def _weights_spectrum(sensor: Sensor, count: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=8)
 def sweep_ripple(sensor: Sensor) -> NDArray[np.float64]:
-    """Return the amplitude (samples,) over a sweep: about 1, with ripples that all peak in its middle.
+    """Compute the amplitude over a sweep: about 1, with ripples that all peak in its middle.
 
-    Its mean under the window is 1, so that an echo peaks as high as without. A ripple of p
-    periods in a sweep and amplitude 2 m makes sidelobes of m, p resolution cells to each side
-    (paired echoes; Klauder et al., Bell System Technical Journal 39(4), 1960).
+    Its mean under the window is 1, so that an echo peaks as high as without. A ripple of p periods in a sweep
+    and amplitude 2 m makes sidelobes of m, p resolution cells to each side (paired echoes; Klauder et al.,
+    Bell System Technical Journal 39(4), 1960).
+
+    Args:
+        sensor: The radar.
+
+    Returns:
+        Amplitude (samples,).
     """
-    turns = sample_times(sensor) / sensor.samples
+    position = sample_times(sensor) / sensor.samples
     amplitude = np.ones(sensor.samples)
     for periods, level_db in sensor.sweep_ripple_db:
-        amplitude += 2 * 10 ** (level_db / 20) * np.cos(2 * np.pi * periods * turns)
+        amplitude += 2 * 10 ** (level_db / 20) * np.cos(2 * np.pi * periods * position)
     weight = window(sensor)
     return amplitude * (weight.sum() / (weight @ amplitude))
 
 
 def beat(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.float32]:
-    """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes (rows, fft_size / 2)."""
+    """Compute the beat signal of a grid of echoes.
+
+    Args:
+        grid: Grid of echoes (azimuths, fft_size / 2) complex64 [sqrt(W)].
+        sensor: The radar.
+
+    Returns:
+        The beat signal (azimuths, samples) float32 [sqrt(W)].
+    """
     size, half = sensor.fft_size, sensor.samples // 2
     # irfft halves all but the first bin against the sum over positive frequencies only.
     signal = irfft(grid, size)
@@ -93,9 +130,15 @@ def beat(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.float32]:
 
 
 def analytic_beat(grid: NDArray[np.complex64], sensor: Sensor, *, count: int) -> NDArray[np.complex64]:
-    """Return the analytic form of tones, whose real part they are: (rows, count) complex64 [sqrt(W)].
+    """Compute the analytic form of the beat signal, without the sweep's ripple.
 
-    `count` is even and may reach beyond the sweep on both sides; the sweep's ripple is left to the caller.
+    Args:
+        grid: Grid of echoes (azimuths, fft_size / 2) complex64 [sqrt(W)].
+        sensor: The radar.
+        count: Number of samples, even; they may reach beyond the sweep on both sides.
+
+    Returns:
+        Complex tones (azimuths, count) complex64 [sqrt(W)], whose real part is the beat signal.
     """
     half = count // 2
     signal = ifft(grid, sensor.fft_size)
@@ -104,20 +147,35 @@ def analytic_beat(grid: NDArray[np.complex64], sensor: Sensor, *, count: int) ->
 
 
 def beat_reference(echoes: Echoes, sensor: Sensor) -> NDArray[np.float64]:
-    """Return the beat signal (azimuths, samples) float64 [sqrt(W)], one tone at a time: slow, for tests."""
+    """Compute the beat signal one tone at a time: slow, the reference for `beat`.
+
+    Args:
+        echoes: The echoes of a scan.
+        sensor: The radar.
+
+    Returns:
+        The beat signal (azimuths, samples) float64 [sqrt(W)].
+    """
     signal = np.zeros((sensor.azimuths, sensor.samples))
     cycles = sample_times(sensor) / sensor.fft_size
     places = grid_place(echoes.range_m, sensor)
-    for row, place, amplitude in zip(echoes.azimuth, places, echoes.amplitude, strict=True):
-        signal[row] += math.sqrt(2) * (complex(amplitude) * np.exp(2j * np.pi * place * cycles)).real
+    for azimuth, place, amplitude in zip(echoes.azimuth, places, echoes.amplitude, strict=True):
+        signal[azimuth] += math.sqrt(2) * (complex(amplitude) * np.exp(2j * np.pi * place * cycles)).real
     return signal * sweep_ripple(sensor)
 
 
 def spectrum(signal: NDArray[np.float32], sensor: Sensor, *, step: int = 1) -> NDArray[np.complex64]:
-    """Return the windowed, zero-padded FFT (rows, bins / step) complex64 of beat signals (rows, samples).
+    """Compute the windowed, zero-padded FFT of beat signals.
 
     An echo of amplitude a peaks with |a| sum(w) / sqrt(2) at its bin. Phases count from the first sample.
-    `step`, a power of two, gives every second, fourth, ... bin only, for less work.
+
+    Args:
+        signal: Beat signals (azimuths, samples) [sqrt(W)].
+        sensor: The radar.
+        step: A power of two: only every step-th bin is computed, for less work.
+
+    Returns:
+        Spectra (azimuths, bins / step) complex64 [sqrt(W)].
     """
     weighted = signal * window(sensor).astype(np.float32)
     return rfft(weighted, sensor.fft_size // step)[:, : -(-sensor.bins // step)]

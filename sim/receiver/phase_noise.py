@@ -21,12 +21,23 @@ from echoscape.sim.receiver.if_signal import analytic_beat, sweep_ripple
 from echoscape.sim.sensor.sensor import Sensor
 
 
-def phase_noise(sensor: Sensor, *, rows: int, count: int, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Draw the synthesiser's phase (rows, count) float32 [rad] at the converter's rate.
+def phase_noise(
+    sensor: Sensor, *, azimuths: int, count: int, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Draw the synthesiser's phase at the converter's rate.
 
     Its one-sided density is twice the single-sideband level L0 / (1 + (f / corner)^2) [rad^2/Hz].
+
+    Args:
+        sensor: The radar.
+        azimuths: Number of azimuths.
+        count: Samples of each.
+        rng: Draws the phase.
+
+    Returns:
+        Phase (azimuths, count) float32 [rad].
     """
-    white = rng.standard_normal((rows, count), dtype=np.float32)
+    white = rng.standard_normal((azimuths, count), dtype=np.float32)
     return irfft(rfft(white) * _shape(sensor, count), count)
 
 
@@ -42,7 +53,14 @@ def _shape(sensor: Sensor, count: int) -> NDArray[np.float32]:
 
 
 def sample_count(sensor: Sensor) -> int:
-    """Return how many samples hold a sweep with room at its ends for the delays of the farthest echoes."""
+    """Compute how many samples hold a sweep with room at its ends for the delays of the farthest echoes.
+
+    Args:
+        sensor: The radar.
+
+    Returns:
+        A power of two.
+    """
     return 1 << int(np.ceil(np.log2(sensor.samples * 1.05)))
 
 
@@ -60,10 +78,11 @@ def _delay(sensor: Sensor, step_hz: float, count: int) -> NDArray[np.complex64]:
 
 @dataclass(frozen=True)
 class Modulation:
-    """What the synthesiser's phase phi does to the beat tones of some rows.
+    """The effect of the synthesiser's phase phi on the beat tones of some azimuths.
 
-    turn (rows, samples) complex64: exp(j phi) within the sweep; late (rows, count) complex64: exp(-j phi),
-    D taken out.
+    Attributes:
+        turn: exp(j phi) within the sweep (azimuths, samples) complex64.
+        late: exp(-j phi) with D taken out (azimuths, count) complex64.
     """
 
     turn: NDArray[np.complex64]
@@ -71,7 +90,15 @@ class Modulation:
 
 
 def modulation(phase: NDArray[np.float32], sensor: Sensor) -> Modulation:
-    """Return what a phase (rows, count) [rad] does to beat tones."""
+    """Compute the effect of a phase on beat tones.
+
+    Args:
+        phase: Phase (azimuths, count) [rad].
+        sensor: The radar.
+
+    Returns:
+        The modulation.
+    """
     count = phase.shape[1]
     carrier = np.empty(phase.shape, np.complex64)
     carrier.real, carrier.imag = np.cos(phase), np.sin(phase)
@@ -81,7 +108,16 @@ def modulation(phase: NDArray[np.float32], sensor: Sensor) -> Modulation:
 
 
 def modulated(grid: NDArray[np.complex64], sensor: Sensor, modulation: Modulation) -> NDArray[np.float32]:
-    """Return the beat signal (rows, samples) float32 [sqrt(W)] of a grid of echoes under a modulation."""
+    """Compute the beat signal of a grid of echoes under phase noise.
+
+    Args:
+        grid: Grid of echoes (azimuths, fft_size / 2) complex64 [sqrt(W)].
+        sensor: The radar.
+        modulation: The effect of the phase.
+
+    Returns:
+        The beat signal (azimuths, samples) float32 [sqrt(W)].
+    """
     count = modulation.late.shape[1]
     early = grid * _delay(sensor, sensor.sample_hz / sensor.fft_size, grid.shape[1]).conj()
     received = analytic_beat(early, sensor, count=count)
@@ -93,19 +129,12 @@ def modulated(grid: NDArray[np.complex64], sensor: Sensor, modulation: Modulatio
     return mixed * sweep_ripple(sensor).astype(np.float32)
 
 
-def with_phase(
-    grid: NDArray[np.complex64], sensor: Sensor, phase: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Return the beat signal (rows, samples) of a grid under the synthesiser's phase (rows, count) [rad]."""
-    return modulated(grid, sensor, modulation(phase, sensor))
-
-
 def _wide_delay(sensor: Sensor, count: int) -> NDArray[np.complex64]:
     """Return the delaying filter (count,) of tones that last `count` samples."""
     return _delay(sensor, sensor.sample_hz / sensor.fft_size * (sensor.fft_size // count), count)
 
 
 def _inside(sensor: Sensor, count: int) -> slice:
-    """Return where among `count` samples the sweep lies."""
+    """Return the slice of `count` samples that the sweep takes."""
     first = count // 2 - sensor.samples // 2
     return slice(first, first + sensor.samples)

@@ -20,10 +20,16 @@ _HALF = np.uint32(1 << 22)
 
 
 def codes(power: ArrayLike) -> NDArray[np.uint8]:
-    """Return the codes (...) uint8 of powers (...) >= 0 in the sensor's units, which are cut to counts.
+    """Quantise powers.
+
+    Args:
+        power: Powers of any shape, 0 or more [units of written power].
+
+    Returns:
+        Codes uint8 of the same shape, in half decibels.
 
     Raises:
-        ValueError: a power is negative or not finite.
+        ValueError: A power is negative or not finite.
     """
     counts = np.floor(np.asarray(power, np.float32) + _ROUNDED)
     if not (counts.min(initial=0.0) >= 0 and counts.max(initial=0.0) < np.inf):
@@ -35,5 +41,12 @@ def codes(power: ArrayLike) -> NDArray[np.uint8]:
 
 
 def decibels(code: ArrayLike) -> NDArray[np.float32]:
-    """Return the level of codes [dB above one unit]; code 0 stands for 0 dB or less."""
+    """Convert codes to levels.
+
+    Args:
+        code: Codes of any shape.
+
+    Returns:
+        Levels of the same shape, float32 [dB above one unit]; code 0 stands for 0 dB or less.
+    """
     return np.asarray(code, np.float32) / np.float32(2)

@@ -17,54 +17,80 @@ from echoscape.sim.sensor.link_budget import range_gain, written_units
 from echoscape.sim.sensor.sensor import Sensor
 
 _BLOCK = 25
-"""Rows that are processed together, so that what is being worked on stays in the processor's cache."""
+"""Azimuths that are processed together, so that their data stay in the processor's cache."""
 
 
-def row_blocks(rows: int) -> Iterator[slice]:
-    """Yield the slices in which the rows of a scan are processed."""
-    for start in range(0, rows, _BLOCK):
-        yield slice(start, min(start + _BLOCK, rows))
+def azimuth_blocks(azimuths: int) -> Iterator[slice]:
+    """Split a scan into the blocks in which it is processed.
+
+    Args:
+        azimuths: Number of azimuths.
+
+    Yields:
+        Slices of azimuths.
+    """
+    for start in range(0, azimuths, _BLOCK):
+        yield slice(start, min(start + _BLOCK, azimuths))
 
 
 def range_spectrum(beat: BeatSignal, sensor: Sensor) -> NDArray[np.complex64]:
-    """Return the windowed, zero-padded FFT (rows, bins) complex64 [sqrt(W)] of a beat signal.
+    """Compute the windowed, zero-padded FFT of a beat signal.
 
     An echo of P watts peaks with sqrt(P / 2) sum(w) at its bin. Phases count from the first sample: times
-    exp(2 pi j k (samples / 2) / fft_size) in bin k they count from the sweep's middle, where an echo's is its
-    own, -4 pi r / lambda and what the reflection adds.
+    exp(2 pi j k (samples / 2) / fft_size) in bin k they count from the sweep's middle, where the phase of an
+    echo is -4 pi r / lambda plus that of its reflections.
+
+    Args:
+        beat: The beat signal.
+        sensor: The radar that took it, or one with another window.
+
+    Returns:
+        Spectra (azimuths, bins) complex64 [sqrt(W)].
 
     Raises:
-        ValueError: the signal has another number of samples than the sensor's sweeps.
+        ValueError: The signal has another number of samples than the sensor's sweeps.
     """
     _check(beat, sensor)
     found = np.empty((len(beat), sensor.bins), np.complex64)
-    for rows in row_blocks(len(beat)):
-        found[rows] = spectrum(beat.select(rows).amplitude(), sensor)
+    for block in azimuth_blocks(len(beat)):
+        found[block] = spectrum(beat.select(block).amplitude(), sensor)
     return found
 
 
 def codes_of_beat(beat: BeatSignal, sensor: Sensor) -> NDArray[np.uint8]:
-    """Return the codes (rows, bins) uint8 that a sensor writes for a beat signal.
+    """Compute the codes that a sensor writes for a beat signal.
 
-    The beat signal of a scan and the sensor that took it give the scan's own codes, byte for byte. A sensor
-    with another window or gain by range gives what it would have written.
+    Args:
+        beat: The beat signal.
+        sensor: The radar that took it, which gives the scan's own codes, byte for byte; or one with another
+            window or gain by range.
+
+    Returns:
+        Codes (azimuths, bins) uint8.
 
     Raises:
-        ValueError: the signal has another number of samples than the sensor's sweeps.
+        ValueError: The signal has another number of samples than the sensor's sweeps.
     """
     _check(beat, sensor)
     found = np.empty((len(beat), sensor.bins), np.uint8)
-    for rows in row_blocks(len(beat)):
-        found[rows] = codes(written_power(spectrum(beat.select(rows).amplitude(), sensor), sensor))
+    for block in azimuth_blocks(len(beat)):
+        found[block] = codes(written_power(spectrum(beat.select(block).amplitude(), sensor), sensor))
     return found
 
 
 def written_power(
     values: NDArray[np.complex64], sensor: Sensor, *, step: int = 1, out: NDArray[np.float32] | None = None
 ) -> NDArray[np.float32]:
-    """Return the power (rows, bins / step) float32 that the quantiser takes for spectra.
+    """Compute the power that the quantiser takes.
 
-    They hold every `step`-th bin. `out` takes the result where given.
+    Args:
+        values: Spectra (azimuths, bins / step) [sqrt(W)], of every step-th bin.
+        sensor: The radar, which gives scale and gain by range.
+        step: Step between the bins of the spectra.
+        out: Array for the result, of the same shape.
+
+    Returns:
+        Power (azimuths, bins / step) float32 [units of written power].
     """
     power = np.square(values.real) + np.square(values.imag)
     return np.multiply(power, _written_gain(sensor)[::step], out=out)

@@ -1,8 +1,8 @@
 """The receiver: leakage, phase noise, thermal noise, converter, window, FFT, gain and quantiser.
 
-Nothing is painted on: a strong echo clips the converter, and its harmonics and the raised floor of the row
-follow; a strong far echo carries its phase-noise skirt. What the converter gives are integers, kept or not,
-and the power is made from them alone (`sim.receiver.range_fft`).
+Artefacts are not added to the image but arise in the signal: a strong echo clips the converter, from which
+its harmonics and the raised noise floor of its azimuth follow; a strong far echo carries its phase-noise
+skirt. The power is computed from the converter's integers alone (`sim.receiver.range_fft`).
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from echoscape.sim.datasets.beat_signal import BeatSignal, finely_sampled, joined, sampled
 from echoscape.sim.receiver.front_end import PART_STEP, FrontEnd, NoiseRealisation
 from echoscape.sim.receiver.if_signal import spectrum
-from echoscape.sim.receiver.range_fft import row_blocks, written_power
+from echoscape.sim.receiver.range_fft import azimuth_blocks, written_power
 from echoscape.sim.sensor.link_budget import full_scale_amplitude
 from echoscape.sim.sensor.sensor import Sensor
 from echoscape.sim.settings.artefacts import Artefacts, Strengths
@@ -23,11 +23,15 @@ from echoscape.sim.settings.artefacts import Artefacts, Strengths
 class Received:
     """What the receiver makes of one scan, in units of written power.
 
-    power (A, bins) float32: what the quantiser takes; echo, noise, distortion (A, bins / PART_STEP) float32:
-    the parts that echoes, thermal noise, and everything non-linear (clipping, converter steps, phase noise)
-    have alone, in every PART_STEP-th bin (no bins where they were not asked for); saturated (A,) bool: a
-    sample of the row was clipped; others, like the parts: what other radars send, None where they are silent;
-    beat: what the power was made from, where it was asked for.
+    Attributes:
+        power: What the quantiser takes (azimuths, bins) float32.
+        echo: Part of the echoes (azimuths, bins / PART_STEP) float32, in every PART_STEP-th bin; without
+            bins where parts were not asked for.
+        noise: Part of the thermal noise, as `echo`.
+        distortion: Part of everything non-linear (clipping, converter steps, phase noise), as `echo`.
+        saturated: Whether a sample of each azimuth was clipped (azimuths,) bool.
+        others: Part of other radars, as `echo`, None where they are silent.
+        beat: The signal that the power was computed from, None unless it was asked for.
     """
 
     power: NDArray[np.float32]
@@ -42,9 +46,16 @@ class Received:
 def convert(
     signal: NDArray[np.float32], sensor: Sensor, artefacts: Artefacts
 ) -> tuple[BeatSignal, NDArray[np.bool_]]:
-    """Return what the converter makes of a signal (rows, samples), and which rows (rows,) it clips.
+    """Convert a signal to integers.
 
-    Without quantisation a row has the finest steps that 16 bits allow it.
+    Args:
+        signal: Beat signal (azimuths, samples) [sqrt(W)].
+        sensor: The radar.
+        artefacts: Strengths of saturation and quantisation; without quantisation an azimuth has the finest
+            steps that 16 bits allow.
+
+    Returns:
+        The sampled signal, and whether each azimuth was clipped (azimuths,) bool.
     """
     strengths = artefacts.strengths(sensor)
     full_scale = full_scale_amplitude(sensor) / (strengths.saturation or 1.0)
@@ -69,11 +80,23 @@ def receive(
     keep_beat: bool = False,
     parts: bool = True,
 ) -> Received:
-    """Return the written power of a scan's grid of echoes (azimuths, fft_size / 2), and what made it.
+    """Receive a scan.
 
-    The linear parts (echo, noise) and the whole are transformed alike; what the whole has beyond them is
-    distortion; `others` (azimuths, samples) [sqrt(W)], what other radars send, is part of it. With
-    `keep_beat` the signal that the power was made from comes along; without `parts` the power alone is made.
+    The linear parts (echo, noise) and the whole signal are transformed alike; their difference is the
+    distortion, other radars included.
+
+    Args:
+        grid: Grid of echoes (azimuths, fft_size / 2) complex64 [sqrt(W)].
+        sensor: The radar.
+        artefacts: Strengths of the artefacts.
+        noise_rng: Draws thermal noise.
+        phase_rng: Draws phase noise.
+        others: Signal of other radars (azimuths, samples) [sqrt(W)], None where they are silent.
+        keep_beat: Whether the sampled signal is kept.
+        parts: Whether the parts of the power are computed.
+
+    Returns:
+        The written power and its parts.
     """
     draws = NoiseRealisation(sensor, noise_rng=noise_rng, phase_rng=phase_rng)
     front_end = FrontEnd(grid, sensor, draws)
@@ -89,7 +112,19 @@ def received(
     keep_beat: bool = False,
     parts: bool = True,
 ) -> Received:
-    """Return what `receive` does of the grid of a front end, which settings of artefacts may share."""
+    """Receive a scan whose front end other settings of artefacts may share.
+
+    Args:
+        front_end: Front end with the grid of echoes and the random draws.
+        sensor: The radar.
+        artefacts: Strengths of the artefacts.
+        others: As in `receive`, as are the following.
+        keep_beat: Whether the sampled signal is kept.
+        parts: Whether the parts of the power are computed.
+
+    Returns:
+        The written power and its parts.
+    """
     strengths = artefacts.strengths(sensor)
     level = strengths.phase_noise / sensor.phase_noise_rad
     mixed = front_end.mixed(leakage=strengths.leakage, level=level)
@@ -98,15 +133,15 @@ def received(
     coarse = np.empty((sensor.azimuths, -(-sensor.bins // PART_STEP) if parts else 0), np.complex64)
     saturated = np.zeros(sensor.azimuths, np.bool_)
     beats = []
-    for rows in row_blocks(sensor.azimuths):
-        signal = mixed[rows]
+    for block in azimuth_blocks(sensor.azimuths):
+        signal = mixed[block]
         for more in added:
-            signal = signal + more[rows]
-        converted, saturated[rows] = convert(signal, sensor, artefacts)
+            signal = signal + more[block]
+        converted, saturated[block] = convert(signal, sensor, artefacts)
         whole = spectrum(converted.amplitude(), sensor)
-        written_power(whole, sensor, out=power[rows])
+        written_power(whole, sensor, out=power[block])
         if parts:
-            coarse[rows] = whole[:, ::PART_STEP]
+            coarse[block] = whole[:, ::PART_STEP]
         if keep_beat:
             beats.append(converted)
     silence = np.empty((sensor.azimuths, 0), np.float32)
@@ -125,22 +160,24 @@ def received(
 def _parts(
     front_end: FrontEnd, whole: NDArray[np.complex64], sensor: Sensor, strengths: Strengths
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Return the written power, in steps, that echoes, noise and distortion have alone."""
+    """Return the written power of echoes, noise and distortion alone, in every PART_STEP-th bin."""
     echo = front_end.echo_part(leakage=strengths.leakage)
     thermal = front_end.draws.thermal_part(strengths.thermal_noise)
     distortion = np.zeros_like(echo.power)
     if not strengths.linear:
-        for rows in row_blocks(sensor.azimuths):
-            rest = whole[rows] - echo.spectrum[rows] - thermal.spectrum[rows]
-            written_power(rest, sensor, step=PART_STEP, out=distortion[rows])
+        for block in azimuth_blocks(sensor.azimuths):
+            rest = whole[block] - echo.spectrum[block] - thermal.spectrum[block]
+            written_power(rest, sensor, step=PART_STEP, out=distortion[block])
     return echo.power, thermal.power, distortion
 
 
 def _others_power(others: NDArray[np.float32] | None, sensor: Sensor) -> NDArray[np.float32] | None:
-    """Return the written power (azimuths, bins / PART_STEP) of what other radars send."""
+    """Return the written power (azimuths, bins / PART_STEP) of the signal of other radars."""
     if others is None:
         return None
     power = np.empty((sensor.azimuths, -(-sensor.bins // PART_STEP)), np.float32)
-    for rows in row_blocks(sensor.azimuths):
-        written_power(spectrum(others[rows], sensor, step=PART_STEP), sensor, step=PART_STEP, out=power[rows])
+    for block in azimuth_blocks(sensor.azimuths):
+        written_power(
+            spectrum(others[block], sensor, step=PART_STEP), sensor, step=PART_STEP, out=power[block]
+        )
     return power

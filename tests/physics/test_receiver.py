@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from echoscape.sim.echoes import point_echoes
 from echoscape.sim.receiver.if_signal import beat, echo_grid
-from echoscape.sim.receiver.phase_noise import phase_noise, with_phase
+from echoscape.sim.receiver.phase_noise import modulated, modulation, phase_noise
 from echoscape.sim.receiver.receiver import PART_STEP, Received, convert, receive
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.link_budget import full_scale_amplitude
@@ -47,12 +47,12 @@ def skirt_db(range_m: float) -> float:
     far parts of it would lie on the upper one.
     """
     rows, count, rate = 400, 2048, FLAT.sample_hz
-    drawn = np.fft.rfft(phase_noise(FLAT, rows=rows, count=count, rng=np.random.default_rng(7)))
+    drawn = np.fft.rfft(phase_noise(FLAT, azimuths=rows, count=count, rng=np.random.default_rng(7)))
     drawn[:, np.abs(np.fft.rfftfreq(count, 1 / rate) - 100e3) > 20e3] = 0
     phase = np.fft.irfft(drawn).astype(np.float32)
     tone = grid([range_m], [1.0], rows)
     clean = beat(tone, FLAT).astype(np.float64)
-    error = with_phase(tone, FLAT, phase) - clean
+    error = modulated(tone, FLAT, modulation(phase, FLAT)) - clean
     window, size = np.blackman(FLAT.samples), 1 << 15
     first = count // 2 - FLAT.samples // 2
     own = np.fft.rfft(phase[:, first : first + FLAT.samples] * window, size)

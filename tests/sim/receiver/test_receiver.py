@@ -7,7 +7,7 @@ from scipy import signal as sig
 
 from echoscape.sim.echoes import point_echoes
 from echoscape.sim.receiver.if_signal import beat, echo_grid, grid_place, sample_times, spectrum
-from echoscape.sim.receiver.phase_noise import phase_noise, with_phase
+from echoscape.sim.receiver.phase_noise import modulated, modulation, phase_noise
 from echoscape.sim.receiver.quantiser import codes
 from echoscape.sim.receiver.receiver import PART_STEP, Received, receive
 from echoscape.sim.sensor.cts350x import CTS350X
@@ -85,10 +85,10 @@ def test_phase_noise_filter_is_the_sum_over_echoes_with_their_own_delays() -> No
         azimuth=np.zeros(3), range_m=ranges, amplitude=np.array([1.0, 0.5j, -0.3]), azimuths=1
     )
     # Strong, so that small-angle shortcuts would show; slow, so that no sideband passes half the rate.
-    slow = np.fft.rfft(10 * phase_noise(sensor, rows=1, count=2048, rng=rng))
+    slow = np.fft.rfft(10 * phase_noise(sensor, azimuths=1, count=2048, rng=rng))
     slow[:, 300:] = 0
     phase = np.fft.irfft(slow).astype(np.float32)
-    found = with_phase(echo_grid(echoes, sensor), sensor, phase)[0]
+    found = modulated(echo_grid(echoes, sensor), sensor, modulation(phase, sensor))[0]
     frequency = np.fft.fftfreq(2048, 1 / sensor.sample_hz)
     inside = slice(1024 - sensor.samples // 2, 1024 + sensor.samples // 2)
     expected = np.zeros(sensor.samples)
@@ -104,7 +104,7 @@ def test_phase_noise_filter_is_the_sum_over_echoes_with_their_own_delays() -> No
 
 
 def test_phase_noise_has_its_density() -> None:
-    phase = phase_noise(CTS350X, rows=400, count=2048, rng=np.random.default_rng(4))
+    phase = phase_noise(CTS350X, azimuths=400, count=2048, rng=np.random.default_rng(4))
     frequency, density = sig.welch(phase, CTS350X.sample_hz, nperseg=2048, axis=1)
     level = 10 * np.log10(density.mean(axis=0) / 2)  # one-sided density is twice the single-sideband level
     assert level[np.searchsorted(frequency, 60e3)] == pytest.approx(

@@ -160,7 +160,7 @@ def test_thermal_noise_has_the_power_of_its_temperature(kelvin: float) -> None:
 
 
 def test_own_phase_noise_is_what_is_drawn() -> None:
-    drawn = phase_noise(FLAT, rows=400, count=2048, rng=np.random.default_rng(3))
+    drawn = phase_noise(FLAT, azimuths=400, count=2048, rng=np.random.default_rng(3))
     assert drawn.std() == pytest.approx(FLAT.phase_noise_rad, rel=0.01)
 
 
