@@ -13,11 +13,14 @@ from echoscape.cli import simulate
 from echoscape.cli.__main__ import COMMANDS, main
 from echoscape.sim.datasets import scan_folder as folders
 from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.files.metadata import manifest_text
 from echoscape.sim.generation import dataset
 from echoscape.sim.generation.config import SimulationConfig
+from echoscape.sim.generation.manifest import manifest
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.registry import SENSORS
 from echoscape.sim.sensor.sensor import Sensor
+from echoscape.sim.settings.artefacts import Artefacts
 from tests.paths import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -223,6 +226,61 @@ def test_files_are_no_settings_of_their_own(capsys: pytest.CaptureFixture[str]) 
     assert "--scene {None}|PATH" in told
     assert "--scene." not in told
     assert "(default: town)" in told
+
+
+def _contents(folder: Path) -> dict[str, bytes]:
+    """The bytes of every file below a folder."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file() and "cache" not in path.parts
+    }
+
+
+def test_a_dataset_from_another_ones_manifest_has_the_same_bytes(tmp_path: Path) -> None:
+    words = ["--randomize", "--artefacts.rain", "5", "--radar", "cir304", "--layout", "mulran", "--keep-beat"]
+    assert main(["simulate", str(tmp_path / "one"), *SMALL, *words]) == 0
+    again = ["--from", str(tmp_path / "one" / "echoscape.json")]
+    assert main(["simulate", str(tmp_path / "two"), *again]) == 0
+    one, two = _contents(tmp_path / "one"), _contents(tmp_path / "two")
+    assert len(one) >= 9
+    assert one.keys() == two.keys()
+    assert [name for name in one if one[name] != two[name]] == []
+
+
+def test_options_win_over_the_manifest_of_another_dataset(
+    tmp_path: Path, configs: list[SimulationConfig], capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = replace(
+        SimulationConfig(preset="empty", seed=3, scans=2, sensor=SENSORS["cir204"], layout="boreas"),
+        randomized=True,
+    )
+    (tmp_path / "echoscape.json").write_text(manifest_text(manifest(made)))
+    words = ["simulate", str(tmp_path / "set"), "--from", str(tmp_path / "echoscape.json")]
+    assert main(words) == 0
+    assert configs.pop() == made
+    assert main([*words, "--scans", "5", "--preset", "open", "--artefacts.ghosts", "0"]) == 0
+    assert configs.pop() == replace(made, scans=5, preset="open", artefacts=Artefacts(ghosts=0.0))
+    assert main([*words, "--radar", "cir304", "--sensor.adc-bits", "9"]) == 0
+    assert configs.pop() == replace(made, sensor=replace(SENSORS["cir304"], adc_bits=9))
+    assert main([*words, "--scene", str(EXAMPLES / "yard.toml")]) == 0
+    found = configs.pop()
+    assert found.scene is not None
+    assert (found.preset, found.scene.file, found.sensor.name) == ("own", "yard.obj", "cir204")
+    (tmp_path / "run.toml").write_text(f'from = "{tmp_path}/echoscape.json"\nscans = 7\n')
+    assert main(["simulate", str(tmp_path / "set"), "--config", str(tmp_path / "run.toml")]) == 0
+    assert configs.pop() == replace(made, scans=7)
+    assert main([*words, "--randomize"]) == 2
+    assert "was randomized already" in capsys.readouterr().err
+
+
+def test_a_manifest_that_is_none_is_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", str(tmp_path / "set"), "--from", str(tmp_path / "echoscape.json")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert str(tmp_path) in line
+    assert not (tmp_path / "set").exists()
 
 
 def test_unknown_command_is_told(capsys: pytest.CaptureFixture[str]) -> None:
