@@ -16,7 +16,7 @@ from echoscape.sim.datasets.beat_signal import BeatSignal
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.beat_npz import read_beat
 from echoscape.sim.datasets.files.metadata import FILE_NAME, read_manifest, sensor_of
-from echoscape.sim.datasets.files.navtech_png import HEADER_COLUMNS, grey_pixels, row_ticks
+from echoscape.sim.datasets.files.navtech_png import HEADER_COLUMNS, grey_pixels, azimuth_ticks
 from echoscape.sim.datasets.files.truth_npz import read_truth
 from echoscape.sim.datasets.layouts.boreas import RT_OFFSET_M, UPDATED_BIN_M, UPDATED_US
 from echoscape.sim.datasets.layouts.layout import Layout
@@ -185,7 +185,7 @@ def _is_time(stem: str) -> bool:
 
 def _layout_by_first(image: NDArray[np.uint8]) -> Layout:
     """Return the layout whose quirks a lone picture has: MulRan counts nanoseconds, Oxford is 3768 wide."""
-    if row_ticks(image)[0] > _YEAR_2100_US:
+    if azimuth_ticks(image)[0] > _YEAR_2100_US:
         return LAYOUTS["mulran"]
     if image.shape[1] == HEADER_COLUMNS + SENSORS["cts350x"].bins:
         return LAYOUTS["oxford"]
@@ -221,7 +221,7 @@ def _as_written(sensor: Sensor, image: NDArray[np.uint8]) -> Sensor:
     mark = image[:, 10] > 0
     if sensor.chirps == "alternating" and mark.all():
         sensor = replace(sensor, chirps="rising")
-    if sensor.name == "cir304" and row_ticks(image)[0] >= UPDATED_US:
+    if sensor.name == "cir304" and azimuth_ticks(image)[0] >= UPDATED_US:
         sensor = replace(sensor, bin_m=UPDATED_BIN_M)
     if sensor.encoder_first != image[0, 8] + 256 * int(image[0, 9]):
         sensor = replace(sensor, encoder_first=int(image[0, 8]) + 256 * int(image[0, 9]))

@@ -47,8 +47,8 @@ def scaled_echoes(echoes: Echoes, artefacts: Artefacts, sensor: Sensor) -> Echoe
     gain = _power_gain(echoes, strengths)
     if gain is not None:
         echoes = echoes.select(gain > 0).scaled(gain[gain > 0])
-    if sensor.row_loss_db.any():
-        echoes = echoes.scaled(power_ratio(-sensor.row_loss_db)[echoes.azimuth])
+    if sensor.azimuth_loss_db.any():
+        echoes = echoes.scaled(power_ratio(-sensor.azimuth_loss_db)[echoes.azimuth])
     if strengths.rain:
         echoes = echoes.scaled(rain_gain(echoes.range_m, strengths.rain, sensor) ** 2)
     return echoes

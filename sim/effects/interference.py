@@ -227,7 +227,7 @@ def received_share(
     gain *= antenna.peak_gain * np.interp(elevation, antenna.elevation_grid_rad, antenna.elevation_one_way)
     off_axis = np.remainder(bearing + math.pi - yaw + math.pi, 2 * math.pi) - math.pi
     sent = np.maximum(np.exp2(-((off_axis / math.radians(_HALF_BEAM_DEG)) ** 2)), _LEAST_SENT)
-    loss = 10 ** ((sensor.system_loss_db + sensor.row_loss_db) / 20)  # half of the two-way loss
+    loss = 10 ** ((sensor.system_loss_db + sensor.azimuth_loss_db) / 20)  # half of the two-way loss
     return sent * gain * (sensor.wavelength_m / (4 * math.pi * range_m)) ** 2 / loss
 
 

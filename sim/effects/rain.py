@@ -177,7 +177,7 @@ def rain_power_w(
     shell = link_w_m2(sensor) / (4 * math.pi) * reflectivity * sensor.bin_m * antenna.two_way_energy_sr
     in_range = (range_m > _NEAREST_M) & (range_m < sensor.range_m)
     power = shell / range_m**2 * in_range * rain_gain(range_m, rate_mm_h, sensor) ** 2
-    return clear * np.outer(power_ratio(-sensor.row_loss_db), power).astype(np.float32)
+    return clear * np.outer(power_ratio(-sensor.azimuth_loss_db), power).astype(np.float32)
 
 
 def rain_grid(power_w: NDArray[np.float32], *, rng: np.random.Generator) -> NDArray[np.complex64]:

@@ -1,6 +1,6 @@
-"""Keeps freed memory in the process: scans free and take the same hundred megabytes over and over.
+"""Makes the C library keep freed memory: every scan frees and takes the same hundred megabytes.
 
-Where the C library gives large blocks back to the system at once, each scan pays for fresh pages again; on
+Where the C library returns large blocks to the system immediately, each scan pays for fresh pages again; on
 some machines that costs a tenth of its time. Results do not depend on it.
 """
 
@@ -13,7 +13,11 @@ _TOP_PAD_BYTES = 256 << 20
 
 
 def keep_freed_memory() -> bool:
-    """Ask the C library to keep what is freed; return whether it could be asked (glibc on Linux)."""
+    """Ask the C library to keep freed memory.
+
+    Returns:
+        Whether it supports that, as glibc on Linux does.
+    """
     if not sys.platform.startswith("linux"):
         return False
     library = ctypes.CDLL(None)

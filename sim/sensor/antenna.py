@@ -1,7 +1,7 @@
 """The antenna's gain towards a direction, and the two-way patterns that rays are drawn from.
 
-A pattern is separable: G(az, el) = G0 g_az(az) g_el(el). The beam turns while a sweep lasts, so the two-way
-azimuth pattern of a row is the mean of the antenna's over that turn (in amplitude, as the sweep integrates).
+A pattern is separable: G(az, el) = G0 g_az(az) g_el(el). The beam rotates during a sweep, so the effective
+two-way azimuth pattern is the antenna's averaged over that rotation (in amplitude, as the sweep integrates).
 """
 
 import math
@@ -20,7 +20,11 @@ ELEVATION_STEPS = 4096
 
 @dataclass(frozen=True)
 class Antenna:
-    """Tables of the two-way azimuth and one-way elevation power patterns of a sensor (peak about 1)."""
+    """Tables of the two-way azimuth and one-way elevation power patterns of a sensor (peak about 1).
+
+    Attributes:
+        sensor: The radar.
+    """
 
     sensor: Sensor
 
@@ -30,8 +34,8 @@ class Antenna:
         return 10 ** (self.sensor.antenna_gain_db / 10)
 
     @property
-    def turn_in_sweep_rad(self) -> float:
-        """Angle that the beam turns through while it samples one sweep [rad]."""
+    def rotation_in_sweep_rad(self) -> float:
+        """Rotation of the beam while it samples one sweep [rad]."""
         return 2 * math.pi * self.sensor.rotation_hz * self.sensor.sweep_s
 
     @cached_property
@@ -41,9 +45,9 @@ class Antenna:
 
     @cached_property
     def azimuth_two_way(self) -> NDArray[np.float64]:
-        """Two-way azimuth power pattern on `azimuth_grid_rad`, the beam's turn within a sweep included."""
-        turn = (np.arange(32) + 0.5) / 32 - 0.5
-        offsets = self.azimuth_grid_rad[:, None] + turn * self.turn_in_sweep_rad
+        """Two-way azimuth power pattern on `azimuth_grid_rad`, averaged over the rotation within a sweep."""
+        rotation = (np.arange(32) + 0.5) / 32 - 0.5
+        offsets = self.azimuth_grid_rad[:, None] + rotation * self.rotation_in_sweep_rad
         at_rest = azimuth_pattern(self.sensor.azimuth_pattern_db, offsets)
         return np.sqrt(at_rest).mean(axis=1) ** 2
 
@@ -58,7 +62,15 @@ class Antenna:
         return elevation_pattern(self.sensor.elevation_pattern_db, self.elevation_grid_rad)
 
     def two_way_gain(self, azimuth_rad: NDArray, elevation_rad: NDArray) -> NDArray[np.float64]:
-        """Return G0^2 g_az^2 g_el^2 towards an offset and an elevation from the beam's middle [rad]."""
+        """Compute the two-way gain G0^2 g_az^2 g_el^2 towards directions.
+
+        Args:
+            azimuth_rad: Azimuths from the beam's middle, of any shape [rad].
+            elevation_rad: Elevations from the beam's middle, of the same shape [rad].
+
+        Returns:
+            Gains of the same shape.
+        """
         azimuth = (np.asarray(azimuth_rad) + math.pi) % (2 * math.pi) - math.pi
         two_way = np.interp(azimuth, self.azimuth_grid_rad, self.azimuth_two_way)
         one_way = np.interp(elevation_rad, self.elevation_grid_rad, self.elevation_one_way)

@@ -18,34 +18,77 @@ from echoscape.sim.sensor.sensor import Sensor
 
 @lru_cache(maxsize=8)
 def window(sensor: Sensor) -> NDArray[np.float64]:
-    """Return the window (samples,) over a sweep, DFT-even: its peak lies at sample `samples` / 2."""
+    """Compute the window over a sweep, DFT-even: its peak lies at sample `samples` / 2.
+
+    Args:
+        sensor: The radar.
+
+    Returns:
+        The window (samples,).
+    """
     return np.asarray(get_window(sensor.window, sensor.samples), np.float64)
 
 
 def written_units(sensor: Sensor) -> float:
-    """Return the written power of a unit of |FFT|^2 [1/W] (thermal noise then has the mean `noise_units`)."""
+    """Compute the written power of a unit of |FFT|^2, with which thermal noise has the mean `noise_units`.
+
+    Args:
+        sensor: The radar.
+
+    Returns:
+        Units of written power per watt of |FFT|^2 [1/W].
+    """
     noise = sensor.thermal_noise_w * float(np.sum(window(sensor) ** 2))
     return sensor.noise_units / noise
 
 
 def units_per_watt(sensor: Sensor) -> float:
-    """Return the written peak power of an echo of 1 W, before the gain by range."""
+    """Compute the written peak power of an echo of 1 W, before the gain by range.
+
+    Args:
+        sensor: The radar.
+
+    Returns:
+        Units of written power per watt [1/W].
+    """
     return written_units(sensor) * float(window(sensor).sum()) ** 2 / 2
 
 
 def link_w_m2(sensor: Sensor) -> float:
-    """Return Pt G0^2 lambda^2 / ((4 pi)^2 L): received power x R^2 per unit of BRDF x solid angle [W m^2]."""
+    """Compute the link constant Pt G0^2 lambda^2 / ((4 pi)^2 L).
+
+    Args:
+        sensor: The radar.
+
+    Returns:
+        Received power times squared range per unit of BRDF times solid angle [W m^2].
+    """
     gain = 10 ** ((2 * sensor.antenna_gain_db - sensor.system_loss_db) / 10)
     return sensor.tx_power_w * gain * sensor.wavelength_m**2 / (4 * math.pi) ** 2
 
 
 def full_scale_amplitude(sensor: Sensor) -> float:
-    """Return the beat amplitude at which the converter clips [sqrt(W)]."""
+    """Compute the beat amplitude at which the converter clips.
+
+    Args:
+        sensor: The radar.
+
+    Returns:
+        Amplitude [sqrt(W)].
+    """
     power_w = 10 ** (sensor.full_scale_db / 10) / units_per_watt(sensor)
     return math.sqrt(2 * power_w)
 
 
 def range_gain(sensor: Sensor, range_m: NDArray) -> NDArray[np.float64]:
-    """Return the receiver's power gain at ranges [m]."""
+    """Interpolate the receiver's gain by range.
+
+    Args:
+        sensor: The radar.
+        range_m: Ranges of any shape [m].
+
+    Returns:
+        Power gains of the same shape.
+    """
     knots, gain_db = np.array(sensor.range_gain_db).T
     return power_ratio(np.interp(range_m, knots, gain_db))

@@ -1,4 +1,4 @@
-"""The sensors by name, and a user's own from a TOML file: a base and what differs, or every field.
+"""The built-in sensors by name, and custom ones from TOML files with a base, or with all fields.
 
 docs/sensors.md lists the fields. Every error names the file and the field.
 """
@@ -23,10 +23,16 @@ _COUNTS = tuple(each.name for each in fields(Sensor) if isinstance(getattr(CTS35
 
 
 def sensor_named(name: str) -> Sensor:
-    """Return the built-in sensor of this name.
+    """Look up a built-in sensor.
+
+    Args:
+        name: Its name.
+
+    Returns:
+        The sensor.
 
     Raises:
-        ValueError: there is none.
+        ValueError: There is none of this name.
     """
     if name not in SENSORS:
         raise ValueError(f"a sensor must be one of {', '.join(SENSORS)}, got {name!r}")
@@ -34,10 +40,16 @@ def sensor_named(name: str) -> Sensor:
 
 
 def sensor_from(word: str) -> Sensor:
-    """Return the built-in sensor named `word`, or the one in the file `word` if that ends with .toml.
+    """Look up a built-in sensor, or read a custom one.
+
+    Args:
+        word: Name of a built-in sensor, or path of a .toml file.
+
+    Returns:
+        The sensor.
 
     Raises:
-        ValueError: there is no such sensor, or the file describes none.
+        ValueError: There is no such sensor, or the file describes none.
     """
     if word.endswith(".toml"):
         return read_sensor(Path(word))
@@ -47,11 +59,17 @@ def sensor_from(word: str) -> Sensor:
 
 
 def read_sensor(path: Path) -> Sensor:
-    """Read a sensor from TOML: `base = "cts350x"` and the fields that differ, or all fields without a base.
+    """Read a custom sensor.
+
+    Args:
+        path: TOML file with `base = "cts350x"` and the fields that differ, or without a base all fields.
+
+    Returns:
+        The sensor.
 
     Raises:
-        ValueError: the file cannot be read, names no base, or a field is unknown, missing, of the wrong type
-            or refused; the message names the file and the field.
+        ValueError: The file cannot be read, its base is unknown, or a field is unknown, missing, of the wrong
+            type or refused; the message names the file and the field.
     """
     content = _toml(Path(path))
     base = content.pop("base", None)

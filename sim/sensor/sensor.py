@@ -1,6 +1,6 @@
-"""The description of a spinning FMCW radar: every number that one sensor differs from another in.
+"""The description of a spinning FMCW radar: every number in which sensors differ.
 
-Quantities that follow from others are properties, so that no number stands twice.
+Derived quantities are properties, so that no number is given twice.
 """
 
 import math
@@ -17,12 +17,12 @@ from echoscape.sim.sensor.antenna_pattern import directivity_db
 Table = tuple[tuple[float, float], ...]
 """A function of one variable as (x, y) rows with increasing x."""
 _GAIN_SLACK_DB = 0.5
-"""How far a stated gain may pass the directivity of its patterns: tables are read off to this."""
+"""How far a stated gain may exceed the directivity of its patterns: the accuracy of the tables."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """A spinning FMCW radar with one linear sweep in every azimuth row.
+    """A spinning FMCW radar with one linear sweep at every azimuth.
 
     Angles in tables are degrees and gains dB, as data sheets have them; everything else is SI.
     """
@@ -30,19 +30,19 @@ class Sensor:
     name: str
     """Name of the sensor."""
     azimuths: int
-    """Rows of a scan."""
+    """Azimuths of a scan."""
     bins: int
-    """Range bins of a row."""
+    """Range bins of an azimuth."""
     bin_m: float
     """Range step of a bin [m]."""
     rotation_hz: float
-    """Turns a second."""
+    """Revolutions a second."""
     rotation_jitter_s: float
-    """Standard deviation of the time of one turn [s]."""
+    """Standard deviation of the duration of a revolution [s]."""
     encoder_per_turn: int
-    """Encoder counts of a turn."""
+    """Encoder counts of a revolution."""
     encoder_first: int
-    """Encoder count of the first row."""
+    """Encoder count of the first azimuth."""
     carrier_hz: float
     """Centre frequency of the sweep [Hz]."""
     bandwidth_hz: float
@@ -57,8 +57,8 @@ class Sensor:
     window: Literal["hann", "hamming", "blackman", "boxcar"]
     """Window over the sweep's samples."""
     sweep_ripple_db: Table
-    """Ripple of the amplitude over a sweep: level of the sidelobe [dB] by its periods in a sweep;
-    may be empty."""
+    """Ripple of the amplitude over a sweep: level of its sidelobes [dB] by its periods in a sweep; may be
+    empty."""
     adc_bits: int
     """Resolution of the analogue-to-digital converter."""
     full_scale_db: float
@@ -66,13 +66,13 @@ class Sensor:
     tx_power_w: float
     """Transmitted power [W]."""
     antenna_gain_db: float
-    """One-way peak gain [dBi]: the directivity of its patterns, or less where losses are counted in it."""
+    """One-way peak gain [dBi]: the directivity of the patterns, or less where it includes losses."""
     system_loss_db: float
-    """Two-way losses of dish, feed, radome and mixer that the gain does not hold [dB]."""
+    """Two-way losses of dish, feed, radome and mixer that the gain does not include [dB]."""
     noise_figure_db: float
     """Noise figure of the receiver [dB]."""
     noise_units: float
-    """Mean of the thermal noise in the integer power that the quantiser takes."""
+    """Mean of the thermal noise in the integer power at the quantiser's input."""
     range_gain_db: Table
     """Gain of the receiver by range [m], [dB]."""
     azimuth_pattern_db: Table
@@ -90,10 +90,10 @@ class Sensor:
     mount_tilt_deg: float
     """Elevation of the beam's middle above the horizon [deg]."""
     blocking_db: Table
-    """Two-way loss by azimuth clockwise from ahead, 0 to 360 [deg], [dB]: what stands on the vehicle."""
+    """Two-way loss by objects on the vehicle, by azimuth clockwise from ahead, 0 to 360 [deg], [dB]."""
 
     def __post_init__(self) -> None:
-        """Refuse values that make no radar, naming the field."""
+        """Refuse values that no radar can have, naming the field."""
         if not self.name.strip():
             raise ValueError(f"name must not be empty, got {self.name!r}")
         for field in fields(self):
@@ -144,19 +144,19 @@ class Sensor:
 
     @property
     def rising(self) -> NDArray[np.bool_]:
-        """Whether each row's sweep rises (azimuths,)."""
+        """Whether the sweep of each azimuth rises (azimuths,)."""
         if self.chirps == "alternating":
             return np.arange(self.azimuths) % 2 == 1
         return np.full(self.azimuths, self.chirps == "rising")
 
     @property
     def doppler_shift_s(self) -> NDArray[np.float64]:
-        """Range shift by closing speed of each row (azimuths,) [s]: below 0 where the sweep rises."""
+        """Range shift by closing speed at each azimuth (azimuths,) [s]: below 0 where the sweep rises."""
         return np.where(self.rising, -self.doppler_beta_s, self.doppler_beta_s)
 
     @property
-    def row_loss_db(self) -> NDArray[np.float64]:
-        """Two-way loss (azimuths,) of each row by what stands on the vehicle [dB]."""
+    def azimuth_loss_db(self) -> NDArray[np.float64]:
+        """Two-way loss by objects on the vehicle at each azimuth (azimuths,) [dB]."""
         azimuth_deg, loss_db = np.array(self.blocking_db).T
         return np.interp(360 / self.azimuths * np.arange(self.azimuths), azimuth_deg, loss_db)
 
@@ -191,8 +191,8 @@ class Sensor:
         return SPEED_OF_LIGHT / (2 * self.bandwidth_hz)
 
     @property
-    def row_s(self) -> float:
-        """Nominal time from row to row [s]."""
+    def azimuth_period_s(self) -> float:
+        """Nominal time from azimuth to azimuth [s]."""
         return 1 / (self.rotation_hz * self.azimuths)
 
     @property
@@ -240,7 +240,7 @@ _RANGES = {
     "mount_height_m": (0.1, 100),
     "mount_tilt_deg": (-89, 89),
 }
-"""Least and most of what numbers of a radar can be: beyond, arithmetic or memory gives out."""
+"""Limits of a radar's numbers, beyond which arithmetic or memory fails."""
 
 _POSITIVE = (
     "azimuths",

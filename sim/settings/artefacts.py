@@ -1,6 +1,6 @@
-"""The causes that make a scan look real, each with a strength in a physical unit; 0 is off.
+"""Artefacts of a real radar, each with a strength in a physical unit; 0 is off.
 
-Switching one off changes only what it causes: the town, the echoes and the random draws of the others stay.
+Switching one off changes only its own effect: the town, the echoes and the random draws of the others stay.
 """
 
 import math
@@ -12,26 +12,26 @@ import numpy as np
 from echoscape.sim.sensor.sensor import Sensor
 
 MOST_MM_H = 150.0
-"""Rain rate beyond which neither source has measurements [mm/h]."""
+"""Rain rate up to which both sources of the rain model have measurements [mm/h]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Artefacts:
-    """How strong each effect is; None is the sensor's own, a bool switches between the default and nothing.
+    """Strength of each artefact; None is the sensor's own, a bool switches between the default and 0.
 
-    Echoes are traced down to a floor below the noise before they are changed: strengths above 1 raise those
-    that were found, and find no fainter ones.
+    Echoes are traced down to a floor below the noise before they are scaled: strengths above 1 raise the
+    echoes that were found, and find no weaker ones.
     """
 
     speckle: float = 1.0
-    """Share of the echoes' power that interferes; the rest adds up evenly [W/W, 0 to 1]."""
+    """Share of the echoes' power that interferes; the rest is summed without phase [W/W, 0 to 1]."""
     ghosts: float = 1.0
-    """Power of paths that meet more than one surface over what it is [W/W]."""
+    """Power of echoes that met more than one surface, relative to the physical one [W/W]."""
     sidelobes: float = 1.0
-    """Power of what the beam hears outside its main lobe over what it is [W/W]."""
+    """Power received outside the beam's main lobe, relative to the physical one [W/W]."""
     saturation: float = 1.0
-    """Amplitude at the converter over that for which it is set: it clips so much earlier, and its
-    steps are so much finer [V/V]."""
+    """Amplitude at the converter relative to the one for which it is set: it clips that much earlier, and
+    its steps are that much finer [V/V]."""
     phase_noise: float | None = None
     """Phase of the synthesiser, standard deviation [rad]; by default the sensor's own, 0.058 rad for the
     CTS350-X."""
@@ -39,25 +39,25 @@ class Artefacts:
     """Noise temperature of receiver and antenna together, T0 F [K]; by default the sensor's own, 9171 K for
     the CTS350-X."""
     leakage: float = 1.0
-    """Power of transmit-receive leakage and echoes of the radome over the sensor's [W/W]."""
+    """Power of transmit-receive leakage and radome echoes relative to the sensor's [W/W]."""
     quantisation: float | None = None
-    """Step of the analogue-to-digital converter over the amplitude at which it clips [V/V, up to 0.5]; by
+    """Step of the analogue-to-digital converter relative to the amplitude at which it clips [V/V, up to 0.5]; by
     default the sensor's own, 1/2048 V/V for the CTS350-X."""
     motion_distortion: float = 1.0
-    """Share of a turn's time over which its rows spread; 0: all from the pose at mid-scan [s/s, 0 to 1].
-    Time stamps and poses of the truth stay those of the drive."""
+    """Share of a revolution over which its azimuths spread; 0: all from the pose at mid-scan [s/s, 0 to 1].
+    Time stamps and true poses stay those of the drive."""
     doppler: float | None = None
     """Shift in range by radial speed [m per m/s]; by default the sensor's own, 0.049 m per m/s for the
     CTS350-X."""
     movers: float = 1.0
-    """Share of the things that move that are there [0 to 1]."""
+    """Share of the moving objects that are present [0 to 1]."""
     rain: float = 0.0
     """Rain rate: attenuation (ITU-R P.838) and echoes of drops [mm/h, up to 150]."""
     interference: float = 0.0
     """Radiated power (EIRP) of a forward-looking 76-77 GHz radar on every other vehicle [W]."""
 
     def __post_init__(self) -> None:
-        """Take bools for switches; refuse what is no strength, naming the artefact."""
+        """Convert bools to strengths; refuse values that are no strength, naming the artefact."""
         for field in fields(self):
             value: Any = getattr(self, field.name)
             if isinstance(value, (bool, np.bool_)):
@@ -74,7 +74,14 @@ class Artefacts:
             object.__setattr__(self, field.name, float(value))
 
     def strengths(self, sensor: Sensor) -> "Strengths":
-        """Return all strengths as numbers, the sensor's own where none is given."""
+        """Convert all strengths to numbers.
+
+        Args:
+            sensor: The radar, whose own strength holds where None is given.
+
+        Returns:
+            The strengths.
+        """
         own = {
             "phase_noise": sensor.phase_noise_rad,
             "thermal_noise": sensor.noise_temperature_k,
@@ -85,10 +92,16 @@ class Artefacts:
         return Strengths(**{name: own[name] if value is None else value for name, value in given.items()})
 
     def without(self, *names: str) -> "Artefacts":
-        """Return the same with some switched off.
+        """Switch artefacts off.
+
+        Args:
+            names: Names of the artefacts.
+
+        Returns:
+            The artefacts with these strengths at 0.
 
         Raises:
-            ValueError: there is no artefact of a name.
+            ValueError: There is no artefact of a name.
         """
         known = [field.name for field in fields(self)]
         for name in names:
@@ -98,7 +111,7 @@ class Artefacts:
 
 
 def _switched(name: str, default: Any, *, on: bool) -> float | None:
-    """Return the strength that a switch stands for, or raise ValueError where on says nothing."""
+    """Return the strength that a switch stands for; raise ValueError where on has no strength."""
     if on and default == 0:
         raise ValueError(f"{name} must be a number, as it is off by default, got True")
     return default if on else 0.0
@@ -133,5 +146,5 @@ class Strengths:
 
     @property
     def linear(self) -> bool:
-        """Whether the receiver is linear and nobody else transmits: no cell owes its power to a spoke."""
+        """Whether the receiver is linear and no other radar transmits, so that no cell is part of a spoke."""
         return not (self.saturation or self.phase_noise or self.quantisation or self.interference)

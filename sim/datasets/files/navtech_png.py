@@ -63,7 +63,7 @@ def read_png(path: Path, *, sensor: Sensor = CTS350X, ticks_per_us: int = 1) -> 
     mark = image[:, 10] == _YES
     return PolarScan(
         codes=image[:, HEADER_COLUMNS:].copy(),
-        timestamp_us=row_ticks(image) // ticks_per_us,
+        timestamp_us=azimuth_ticks(image) // ticks_per_us,
         encoder=image[:, 8:10].copy().view("<u2")[:, 0].astype(np.uint16),
         valid=np.ones_like(mark) if alternating else mark,
         bin_m=sensor.bin_m,
@@ -93,7 +93,7 @@ def is_whole_png(path: Path) -> bool:
     return kind == b"IEND" and at == len(data)
 
 
-def row_ticks(image: NDArray[np.uint8]) -> NDArray[np.int64]:
+def azimuth_ticks(image: NDArray[np.uint8]) -> NDArray[np.int64]:
     """Return the time stamps (rows,) int64 in the pixels of a scan, in the file's unit of time."""
     return image[:, :8].copy().view("<i8")[:, 0].astype(np.int64)
 

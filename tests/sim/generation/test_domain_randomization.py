@@ -80,7 +80,7 @@ def test_draws_stay_within_their_ranges(name: str) -> None:
 
 def test_something_stands_on_some_roofs() -> None:
     blocked = [randomized(SimulationConfig(seed=seed)).sensor for seed in SEEDS]
-    losses = [each.row_loss_db for each in blocked if each.row_loss_db.any()]
+    losses = [each.azimuth_loss_db for each in blocked if each.azimuth_loss_db.any()]
     # 200 draws: 0.4 to three standard errors of 0.035.
     assert len(losses) / len(blocked) == pytest.approx(variation.BLOCKED_CHANCE, abs=0.11)
     for loss in losses:
@@ -95,8 +95,8 @@ def test_what_stood_on_the_roof_before_stays() -> None:
         sensor = randomized(
             SimulationConfig(seed=seed, sensor=replace(SENSORS["cts350x"], blocking_db=mast))
         ).sensor
-        assert sensor.row_loss_db[200] >= 30.0
-        assert sensor.row_loss_db[:60].max() == 0.0
+        assert sensor.azimuth_loss_db[200] >= 30.0
+        assert sensor.azimuth_loss_db[:60].max() == 0.0
 
 
 def test_what_is_off_stays_off_and_the_rest_as_told() -> None:

@@ -67,7 +67,7 @@ def test_across_the_seam_a_ring_is_as_far_as_its_rows_are_from_it() -> None:
     for row in (360, 385, 395, 15, 40):
         found = echoes.range_m[echoes.azimuth == row]
         assert found.size
-        expected = math.hypot(x - 15.0 * STEADY.row_s * row, y)
+        expected = math.hypot(x - 15.0 * STEADY.azimuth_period_s * row, y)
         np.testing.assert_allclose(found, expected, atol=0.06)  # 1.5 m up and down: 0.04 m
 
 
@@ -110,7 +110,7 @@ def test_a_corners_ring_is_as_loud_across_the_seam_though_the_car_drives() -> No
 def test_a_target_that_a_turn_to_the_left_passes_over_is_heard_by_sidelobes() -> None:
     # 0.6 rad/s to the left for a turn: 9.5 rows about straight ahead are in no row's main lobe.
     rate = 0.6
-    bearing = rate * STEADY.row_s * 200  # half way from where the scan ends to where it began
+    bearing = rate * STEADY.azimuth_period_s * 200  # half way from where the scan ends to where it began
     place = (30 * math.cos(bearing), 30 * math.sin(bearing), HEIGHT_M)
     sphere = Target(kind="point", position_m=place, rcs_m2=1e3)
     echoes = Simulator(with_targets(world(), [sphere]), turning(rate), seed=3, sensor=STEADY).echoes(0)

@@ -108,7 +108,7 @@ def test_every_row_hears_a_mover_at_its_own_time(distortion: bool) -> None:
     echoes = traced(world(), standing(), movers, doppler=False, motion_distortion=distortion)
     for row in (196, 200, 204):
         here = (echoes.azimuth == row) & (echoes.bounces == 1)
-        time = STEADY.row_s * (row if distortion else 199.5)
+        time = STEADY.azimuth_period_s * (row if distortion else 199.5)
         near = (29.0 + 30.0 * time) / math.cos((row - 200) * ROW_RAD)
         found = np.average(echoes.range_m[here], weights=echoes.mean_power[here])
         assert found == pytest.approx(near, abs=0.05)
@@ -118,7 +118,7 @@ def test_without_distortion_the_seam_is_no_place_for_jumps() -> None:
     box = box_prototype("box", (2.0, 8.0, 3.0), "soil")
     movers = (mover(1, box, straight([40.0, 0.0], [-20.0, 0.0], yaw=0.0)),)
     echoes = traced(world(), standing(), movers, doppler=False, motion_distortion=False)
-    near = 40.0 - 1.0 - 20.0 * STEADY.row_s * 199.5
+    near = 40.0 - 1.0 - 20.0 * STEADY.azimuth_period_s * 199.5
     for row in (398, 399, 0, 1):
         here = echoes.range_m[(echoes.azimuth == row) & (echoes.bounces == 1)]
         assert here.min() > near - 0.3

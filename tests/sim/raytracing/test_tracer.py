@@ -135,7 +135,7 @@ def test_rows_see_the_world_from_their_own_place() -> None:
         mine = (echoes.instance == instance) & ~echoes.sidelobe & (echoes.bounces == 1)
         for row in np.unique(echoes.azimuth[mine]):
             here = mine & (echoes.azimuth == row)
-            car_x = 15.0 * STEADY.row_s * row
+            car_x = 15.0 * STEADY.azimuth_period_s * row
             found = np.average(echoes.range_m[here], weights=echoes.mean_power[here])
             assert found == pytest.approx(math.hypot(x - car_x, y), abs=0.1)  # the plate is 0.5 m wide
 
@@ -145,7 +145,7 @@ def test_motion_distortion_can_be_switched_off() -> None:
     rolling = traced(wall, straight([0, 0], [15.0, 0]), doppler=False)
     still = traced(wall, straight([0, 0], [15.0, 0]), doppler=False, motion_distortion=False)
     # Row 395 is 244 ms after row 5, so the wall ahead has come nearer by 3.7 m; at mid-scan both stand still.
-    for echoes, nearer in ((rolling, 15 * 390 * STEADY.row_s), (still, 0.0)):
+    for echoes, nearer in ((rolling, 15 * 390 * STEADY.azimuth_period_s), (still, 0.0)):
         first, last = (
             np.average(echoes.range_m[echoes.azimuth == k], weights=echoes.mean_power[echoes.azimuth == k])
             for k in (5, 395)
@@ -167,14 +167,14 @@ def test_movers_move_within_the_scan() -> None:
     assert echoes.moving[mine].all()
     power = np.bincount(echoes.azimuth[mine], echoes.mean_power[mine], 400)
     for row in np.flatnonzero(power > 0.1 * power.max()):
-        y = -6.0 + 20.0 * STEADY.row_s * row
+        y = -6.0 + 20.0 * STEADY.azimuth_period_s * row
         here = mine & (echoes.azimuth == row)
         near = math.hypot(-29.0, y)
         assert np.average(echoes.range_m[here], weights=echoes.mean_power[here]) == pytest.approx(
             near, abs=0.8
         )
     middle = np.average(echoes.azimuth[mine], weights=echoes.mean_power[mine])
-    y = -6.0 + 20.0 * STEADY.row_s * middle
+    y = -6.0 + 20.0 * STEADY.azimuth_period_s * middle
     assert (math.pi - middle * ROW_RAD) == pytest.approx(math.atan2(y, 29.0) * -1, abs=ROW_RAD)
 
 

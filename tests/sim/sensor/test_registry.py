@@ -35,7 +35,7 @@ def test_sizes_and_point_spreads_are_those_of_real_scans(
 
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=str)
 def test_a_sweep_fits_into_its_row(sensor: Sensor) -> None:
-    assert 0.25 * sensor.row_s < sensor.sweep_s < sensor.row_s
+    assert 0.25 * sensor.azimuth_period_s < sensor.sweep_s < sensor.azimuth_period_s
 
 
 def test_alternating_sweeps_begin_with_a_falling_one() -> None:

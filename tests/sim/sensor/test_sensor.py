@@ -13,7 +13,7 @@ def test_derived_quantities_follow_from_each_other() -> None:
     bin_m = 299792458 * CTS350X.sample_hz * CTS350X.sweep_s / (2 * CTS350X.bandwidth_hz * CTS350X.fft_size)
     assert bin_m == pytest.approx(0.0432)
     assert CTS350X.resolution_m == pytest.approx(0.2357, abs=1e-4)
-    assert CTS350X.sweep_s < CTS350X.row_s
+    assert CTS350X.sweep_s < CTS350X.azimuth_period_s
     assert CTS350X.range_m == pytest.approx(162.8, abs=0.1)
     assert CTS350X.wavelength_m == pytest.approx(3.919e-3, abs=1e-6)
 
