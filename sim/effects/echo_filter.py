@@ -1,7 +1,7 @@
-"""What would a scan be without that truck, without its ghosts? Filters of echoes by what made them.
+"""Filters of echoes by what made them: a scan without that truck, or without its ghosts.
 
-A filter works on a traced scan, before the receiver, so that one trace serves many questions. What it takes
-out still casts its shadow; `scenes.core.scene.without` takes a thing out of the world itself.
+A filter acts on traced echoes, before the receiver, so that one trace serves many filters. An object whose
+echoes are filtered still casts its shadow; `scenes.core.scene.without` removes it from the scene itself.
 """
 
 from collections.abc import Sequence
@@ -23,18 +23,22 @@ _SWITCHES = {
     Component.RAIN: ("rain",),
     Component.INTERFERENCE: ("interference",),
 }
-"""What makes a component that is no echo of a thing; rain that is silent still takes from the others."""
+"""Artefacts that make a component which is not an echo of an object; filtered rain still attenuates."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EchoFilter:
-    """Names echoes: those that meet every condition given, each by any of its values.
+    """Selects the echoes that meet every given condition, each by any of its values.
 
-    bounces: orders, 1 direct; components: of `Component`, by number or name, kept as numbers; instances,
-    classes: ids of things and names of classes, of any surface on an echo's path, or of the last alone if
-    `last_only`.
-    NOISE, LEAKAGE, SPOKE, RAIN and INTERFERENCE are no echoes of things: a filter of components may name
+    NOISE, LEAKAGE, SPOKE, RAIN and INTERFERENCE are not echoes of objects: a filter of components may name
     them, without other conditions.
+
+    Attributes:
+        bounces: Bounce orders; 1 is direct.
+        components: Components by number or name, kept as numbers.
+        instances: Instance ids of objects, of any surface on the path.
+        classes: Names of classes of objects, of any surface on the path.
+        last_only: Whether instances and classes refer to the last surface alone.
     """
 
     bounces: tuple[int, ...] | None = None
@@ -44,7 +48,7 @@ class EchoFilter:
     last_only: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what names nothing, naming the argument."""
+        """Check every condition; the error names it."""
         given = {name: getattr(self, name) for name in ("bounces", "components", "instances", "classes")}
         if all(values is None for values in given.values()):
             raise ValueError("a filter needs bounces, components, instances or classes")
@@ -61,16 +65,24 @@ class EchoFilter:
 
     @property
     def component_set(self) -> frozenset[Component]:
-        """The components named."""
+        """The components that are named."""
         return frozenset(Component(each) for each in self.components or ())
 
     @property
     def receiver_components(self) -> frozenset[Component]:
-        """Those of the components that the receiver makes."""
+        """The named components that are not echoes of objects."""
         return self.component_set & _SWITCHES.keys()
 
     def matches(self, echoes: Echoes, instance_class: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Return which echoes (E,) are named; `instance_class` (I,) gives the class of each instance."""
+        """Return which echoes meet the conditions.
+
+        Args:
+            echoes: Echoes of a scan (E).
+            instance_class: Class id of every instance id (I,) uint8.
+
+        Returns:
+            Whether each echo does (E,) bool.
+        """
         returns = echoes.returns
         named = np.full(len(returns.bounces), True)
         if self.bounces is not None:
@@ -80,7 +92,7 @@ class EchoFilter:
             named &= np.isin(surfaces, self.instances).any(axis=1)
         if self.classes is not None:
             wanted = [CLASSES.index(name) for name in self.classes]
-            known = surfaces > 0  # 0 fills up the rows of shorter paths
+            known = surfaces > 0  # shorter paths are filled up with 0
             named &= (np.isin(instance_class[surfaces], wanted) & known).any(axis=1)
         found = named[echoes.source]
         if self.components is not None:
@@ -92,7 +104,7 @@ def _checked(name: str, values: object) -> tuple[Any, ...]:
     """Return the values of a condition as a tuple.
 
     Raises:
-        ValueError: they are none, or one of them names nothing.
+        ValueError: They are no tuple, or one of them is unknown.
     """
     if not isinstance(values, (tuple, list)):
         raise ValueError(f"{name} must be a tuple, got {values!r}")
@@ -127,20 +139,40 @@ def _is_whole(value: object) -> TypeGuard[int]:
 
 
 def echo_components(echoes: Echoes) -> NDArray[np.uint8]:
-    """Return DIRECT, GHOST or SIDELOBE for each echo (E,), as the truth of cells calls them."""
+    """Return the component of each echo, as in the truth of cells.
+
+    Args:
+        echoes: Echoes of a scan (E).
+
+    Returns:
+        DIRECT, GHOST or SIDELOBE (E,) uint8.
+    """
     kind = np.where(echoes.bounces > 1, np.uint8(Component.GHOST), np.uint8(Component.DIRECT))
     return np.where(echoes.sidelobe, np.uint8(Component.SIDELOBE), kind)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """Which echoes a scan is made of: all that `only` names (None: all) but those that `without` names."""
+    """The echoes that a scan is made of.
+
+    Attributes:
+        only: Filter of the echoes to keep; None keeps all.
+        without: Filters of the echoes to leave out.
+    """
 
     only: EchoFilter | None = None
     without: tuple[EchoFilter, ...] = ()
 
     def echoes(self, echoes: Echoes, instance_class: NDArray[np.uint8]) -> Echoes:
-        """Return the echoes that are left."""
+        """Return the selected echoes.
+
+        Args:
+            echoes: Echoes of a scan.
+            instance_class: Class id of every instance id (I,) uint8.
+
+        Returns:
+            The echoes that are left.
+        """
         if self.only is None and not self.without:
             return echoes
         keep = np.full(len(echoes), True)
@@ -151,7 +183,14 @@ class Selection:
         return echoes.select(keep)
 
     def artefacts(self, artefacts: Artefacts) -> Artefacts:
-        """Return the artefacts that are left: the receiver's own components are its switches."""
+        """Return the artefacts without those that make the components left out.
+
+        Args:
+            artefacts: Strengths of the artefacts.
+
+        Returns:
+            The same with these switched off.
+        """
         off = frozenset[Component]().union(*(each.receiver_components for each in self.without))
         if self.only is not None and self.only.components is not None:
             off |= _SWITCHES.keys() - self.only.component_set
@@ -159,10 +198,17 @@ class Selection:
 
 
 def selection(only: EchoFilter | None = None, without: EchoFilter | Sequence[EchoFilter] = ()) -> Selection:
-    """Return the selection of one filter to keep and one or several to take out.
+    """Return the selection by a filter to keep and filters to leave out.
+
+    Args:
+        only: Filter of the echoes to keep; None keeps all.
+        without: One or several filters of the echoes to leave out.
+
+    Returns:
+        The selection.
 
     Raises:
-        ValueError: one of them is no filter; the message names the argument.
+        ValueError: One of them is not a filter; the message names the argument.
     """
     if not isinstance(only, EchoFilter | None):
         raise ValueError(f"only must be an EchoFilter, got {only!r}")

@@ -1,7 +1,7 @@
 """Reflection of a plane wave from a half space: Fresnel coefficients by material, incidence and polarisation.
 
-ITU-R P.2040-3, eqs. (9b), (31a), (31b). Time dependence exp(+j w t), so losses make the permittivity's
-imaginary part negative.
+ITU-R P.2040-3, eqs. (9b), (31a), (31b). Time dependence exp(+j w t), so losses make the imaginary part of the
+permittivity negative.
 """
 
 import math
@@ -14,7 +14,17 @@ from echoscape.sim.numerics.constants import VACUUM_PERMITTIVITY
 
 
 def permittivity(material: Material, frequency_hz: float) -> complex:
-    """Return the complex relative permittivity a f^b - j sigma / (2 pi f eps0), sigma = c f^d, f in GHz."""
+    """Return the complex relative permittivity a f^b - j sigma / (2 pi f eps0) of a material.
+
+    Its conductivity is sigma = c f^d, with f in GHz in both powers (ITU-R P.2040-3).
+
+    Args:
+        material: The material, which gives a, b, c and d.
+        frequency_hz: Frequency [Hz].
+
+    Returns:
+        The permittivity; losses make its imaginary part negative.
+    """
     f_ghz = frequency_hz / 1e9
     conductivity = material.c * f_ghz**material.d
     loss = conductivity / (2 * math.pi * frequency_hz * VACUUM_PERMITTIVITY)
@@ -22,10 +32,16 @@ def permittivity(material: Material, frequency_hz: float) -> complex:
 
 
 def reflection(epsilon: complex, cos_incidence: ArrayLike) -> tuple[NDArray, NDArray]:
-    """Return the complex amplitude coefficients (TE, TM) of a half space of relative permittivity `epsilon`.
+    """Return the reflection coefficients of a half space (ITU-R P.2040-3, eqs. (31a), (31b)).
 
-    `cos_incidence` is the cosine of the angle between ray and normal. Both agree in magnitude at normal
-    incidence, with opposite sign (P.2040's convention for TM).
+    At normal incidence both have the same magnitude and opposite signs (the convention of P.2040 for TM).
+
+    Args:
+        epsilon: Complex relative permittivity.
+        cos_incidence: Cosine of the angle between ray and normal, of any shape.
+
+    Returns:
+        Complex amplitude coefficients for TE and TM, of the same shape.
     """
     cos_i = np.asarray(cos_incidence, dtype=np.complex128)
     root = np.sqrt(epsilon - (1 - cos_i**2))
@@ -35,7 +51,16 @@ def reflection(epsilon: complex, cos_incidence: ArrayLike) -> tuple[NDArray, NDA
 
 
 def reflected_power_table(materials: list[Material], frequency_hz: float, steps: int) -> NDArray[np.float32]:
-    """Return |TE|^2 and |TM|^2 as (materials, steps + 1, 2) over even cosines of incidence from 0 to 1."""
+    """Tabulate the reflected power over the cosine of incidence.
+
+    Args:
+        materials: The materials.
+        frequency_hz: Frequency [Hz].
+        steps: Number of even steps of the cosine from 0 to 1.
+
+    Returns:
+        |TE|^2 and |TM|^2 (materials, steps + 1, 2) float32.
+    """
     cosines = np.linspace(0.0, 1.0, steps + 1)
-    rows = [reflection(permittivity(material, frequency_hz), cosines) for material in materials]
-    return np.array([[np.abs(te) ** 2, np.abs(tm) ** 2] for te, tm in rows], np.float32).transpose(0, 2, 1)
+    pairs = [reflection(permittivity(material, frequency_hz), cosines) for material in materials]
+    return np.array([[np.abs(te) ** 2, np.abs(tm) ** 2] for te, tm in pairs], np.float32).transpose(0, 2, 1)

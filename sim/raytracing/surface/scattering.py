@@ -1,11 +1,11 @@
-"""What a surface sends back: a mirror part widened by waviness, and a diffuse part.
+"""Scattering of surfaces: a mirror part widened by waviness, and a diffuse part.
 
 The reflected power |Gamma|^2 (Fresnel) is split by effective roughness, R^2 + S^2 = 1 (Degli-Esposti et al.,
 IEEE TAP 55(1), 2007); small-scale roughness moves a further share exp(-(4 pi s cos / lambda)^2) from the
-mirror part to the diffuse one (Ament 1953). The mirror part has the width of the surface's slopes
-(geometrical optics, Beckmann distribution: Ulaby & Long 2014, ch. 10), which gives a flat wall exactly its
-image's power (lambda / (8 pi R))^2 |Gamma|^2; the diffuse part is Lambert's, or a lobe ((1 + cos psi) / 2)^n
-about the mirror's direction or back to where the wave came from, scaled to hold just its share.
+mirror part to the diffuse one (Ament 1953). The mirror part has the width of the slopes of the surface
+(geometrical optics, Beckmann distribution: Ulaby & Long 2014, ch. 10), which gives a flat wall exactly the
+power of its image, (lambda / (8 pi R))^2 |Gamma|^2. The diffuse part is Lambertian, or a lobe
+((1 + cos psi) / 2)^n about the specular direction or back to the source, scaled to hold just its share.
 """
 
 import math
@@ -25,10 +25,17 @@ _LOBES = ("lambert", "directive", "backscatter")
 
 
 def lobe_integral(order: int, cos_in: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the integral of ((1 + cos psi) / 2)^order over the hemisphere above a surface [sr].
+    """Return the integral of ((1 + cos psi) / 2)^order over the hemisphere above a surface.
 
-    psi is counted from an axis whose cosine with the normal is `cos_in` (N,): Degli-Esposti et al. 2007,
-    eqs. (14), (19), with the sum over the powers of cos psi.
+    psi is the angle from the axis of the lobe: Degli-Esposti et al. 2007, eqs. (14), (19), summed over the
+    powers of cos psi.
+
+    Args:
+        order: Order of the lobe.
+        cos_in: Cosine between the axis and the normal (N,).
+
+    Returns:
+        Integrals (N,) [sr].
     """
     sine2 = 1 - cos_in**2
     total = np.zeros_like(cos_in)
@@ -42,7 +49,7 @@ def lobe_integral(order: int, cos_in: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def _roughened(material: Material, settings: SurfaceSettings) -> Material:
-    """Return a material with its roughness changed."""
+    """Return a material with changed roughness."""
     return replace(
         material,
         rms_height_m=material.rms_height_m * settings.rms_height,
@@ -52,35 +59,61 @@ def _roughened(material: Material, settings: SurfaceSettings) -> Material:
 
 
 class Surfaces:
-    """Scattering of all materials at one carrier, as tables that kernels gather from by material id."""
+    """Scattering of all materials at one carrier, in tables that kernels gather from by material id."""
 
     def __init__(
         self, carrier_hz: float, wavelength_m: float, settings: SurfaceSettings | None = None
     ) -> None:
-        rows = [_roughened(row, settings or SurfaceSettings()) for row in MATERIALS.values()]
-        table = reflected_power_table(rows, carrier_hz, _STEPS)
+        """Tabulate the scattering.
+
+        Args:
+            carrier_hz: Carrier frequency [Hz].
+            wavelength_m: Its wavelength [m].
+            settings: Changes to the roughness of all materials; None is none.
+        """
+        materials = [_roughened(each, settings or SurfaceSettings()) for each in MATERIALS.values()]
+        table = reflected_power_table(materials, carrier_hz, _STEPS)
         self._te_power = mi.Float(np.ascontiguousarray(table[..., 0]).ravel())
         self._tm_power = mi.Float(np.ascontiguousarray(table[..., 1]).ravel())
-        self._diffuse_share = mi.Float(np.array([row.scattering**2 for row in rows], np.float32))
-        roughness = [(4 * math.pi * row.rms_height_m / wavelength_m) ** 2 for row in rows]
+        self._diffuse_share = mi.Float(np.array([each.scattering**2 for each in materials], np.float32))
+        roughness = [(4 * math.pi * each.rms_height_m / wavelength_m) ** 2 for each in materials]
         self._roughness = mi.Float(np.array(roughness, np.float32))
-        self._slope_variance = mi.Float(np.array([row.rms_slope_rad**2 for row in rows], np.float32))
-        self._any_lobe = any(row.lobe != "lambert" for row in rows)
-        self._lobe = mi.UInt32(np.array([_LOBES.index(row.lobe) for row in rows], np.uint32))
-        self._lobe_order = mi.Float(np.array([row.lobe_order for row in rows], np.float32))
+        self._slope_variance = mi.Float(np.array([each.rms_slope_rad**2 for each in materials], np.float32))
+        self._any_lobe = any(each.lobe != "lambert" for each in materials)
+        self._lobe = mi.UInt32(np.array([_LOBES.index(each.lobe) for each in materials], np.uint32))
+        self._lobe_order = mi.Float(np.array([each.lobe_order for each in materials], np.float32))
         cosines = np.linspace(0.0, 1.0, _STEPS + 1)
-        integrals = [lobe_integral(int(row.lobe_order), cosines) for row in rows]
+        integrals = [lobe_integral(int(each.lobe_order), cosines) for each in materials]
         self._lobe_peak = mi.Float((1 / np.concatenate(integrals)).astype(np.float32))
 
     def reflected_power(
         self, material: "mi.UInt32", cosine: "mi.Float", te_share: "mi.Float", active: "mi.Bool"
     ) -> "mi.Float":
-        """Return |Gamma|^2 for a wave whose power is TE by the share `te_share` and TM by the rest."""
+        """Return the reflected share of the power, |Gamma|^2.
+
+        Args:
+            material: Material ids (N).
+            cosine: Cosines of incidence (N).
+            te_share: Share of the power that is TE polarised (N); the rest is TM.
+            active: Which entries to look up (N).
+
+        Returns:
+            Power reflectivities (N).
+        """
         te, tm = (_looked_up(table, material, cosine, active) for table in (self._te_power, self._tm_power))
         return dr.lerp(tm, te, te_share)
 
     def mirror_share(self, material: "mi.UInt32", cosine: "mi.Float", active: "mi.Bool") -> "mi.Float":
-        """Return the share of the reflected power that leaves as from a mirror, (1 - S^2) exp(-g)."""
+        """Return the share of the reflected power in the mirror part, (1 - S^2) exp(-g).
+
+        Args:
+            material: Material ids (N).
+            cosine: Cosines of incidence (N).
+            active: Which entries to look up (N).
+
+        Returns:
+            Shares (N).
+        """
         diffuse = dr.gather(mi.Float, self._diffuse_share, material, active)
         roughness = dr.gather(mi.Float, self._roughness, material, active)
         return (1 - diffuse) * dr.exp(-roughness * cosine * cosine)
@@ -92,16 +125,24 @@ class Surfaces:
         cosines: "tuple[mi.Float, mi.Float, mi.Float]",
         active: "mi.Bool",
     ) -> "mi.Float":
-        """Return the BRDF [1/sr] of the share `amount` of the reflected power that is diffuse.
+        """Return the BRDF of the diffuse part of the reflected power.
 
-        `cosines` are those of incidence, of exit, and between the way out and the way back to the source.
+        Args:
+            amount: Share of the reflected power that is diffuse (N).
+            material: Material ids (N).
+            cosines: Cosines of incidence, of exit, and of the angle between the exit direction and the
+                direction back to the source (N).
+            active: Which entries to look up (N).
+
+        Returns:
+            BRDF per unit reflected power (N) [1/sr].
         """
         lambert = amount / math.pi
         if not self._any_lobe:
             return lambert
         cos_in, cos_out, cos_back = cosines
         kind = dr.gather(mi.UInt32, self._lobe, material, active)
-        # The mirror's direction is d - 2 (d n) n: its cosine with the way out is 2 cos_in cos_out - cos_back.
+        # The specular direction is d - 2 (d n) n: its cosine with the exit is 2 cos_in cos_out - cos_back.
         cos_axis = dr.select(kind == 1, 2 * cos_in * cos_out - cos_back, cos_back)
         order = dr.gather(mi.Float, self._lobe_order, material, active)
         shape = dr.power(dr.clip(0.5 + 0.5 * cos_axis, 1e-6, 1), order)
@@ -117,9 +158,17 @@ class Surfaces:
         cos_out: "mi.Float",
         active: "mi.Bool",
     ) -> "mi.Float":
-        """Return the mirror part's BRDF per unit reflected power, D(h) / (4 cos_in cos_out) [1/sr].
+        """Return the BRDF of the mirror part, D(h) / (4 cos_in cos_out).
 
-        `cos_half` is the cosine between the normal and the half vector of the two directions.
+        Args:
+            material: Material ids (N).
+            cos_half: Cosines between the normal and the half vector of both directions (N).
+            cos_in: Cosines of incidence (N).
+            cos_out: Cosines of exit (N).
+            active: Which entries to look up (N).
+
+        Returns:
+            BRDF per unit reflected power (N) [1/sr].
         """
         variance = dr.gather(mi.Float, self._slope_variance, material, active)
         cos2 = dr.maximum(cos_half * cos_half, 1e-6)
@@ -128,9 +177,9 @@ class Surfaces:
 
 
 def _looked_up(table: "mi.Float", material: "mi.UInt32", cosine: "mi.Float", active: "mi.Bool") -> "mi.Float":
-    """Return a material's table over even cosines from 0 to 1 at `cosine`, linear between its steps."""
-    place = dr.clip(cosine, 0, 1) * _STEPS
-    step = dr.minimum(mi.UInt32(place), _STEPS - 1)
+    """Return the table of a material over even cosines from 0 to 1, linear between its steps."""
+    position = dr.clip(cosine, 0, 1) * _STEPS
+    step = dr.minimum(mi.UInt32(position), _STEPS - 1)
     index = material * (_STEPS + 1) + step
     low, high = (dr.gather(mi.Float, table, index + k, active) for k in (0, 1))
-    return dr.lerp(low, high, place - mi.Float(step))
+    return dr.lerp(low, high, position - mi.Float(step))
