@@ -14,7 +14,7 @@ from unittest.mock import patch
 import torch
 
 from benchmarks.machine import description
-from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.se2 import to_motion
 from echoscape.learn.model import keypoint_model as model_module
 from echoscape.learn.model.feature_pyramid import FeaturePyramid

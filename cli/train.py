@@ -13,7 +13,7 @@ from rich.console import Console
 from echoscape.cli.arguments import parse, with_config_file
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.torch_setup import check_threads, idle_cores, require_torch, use_threads
-from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.training.config import TrainingConfig
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
-from echoscape.learn.data.image import ImageSettings, range_cells
+from echoscape.learn.data.image import range_cells
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.sim.datasets.files.atomic_write import DatasetError, temporary_beside
 from echoscape.sim.datasets.scan_folder import ScanFolder
 

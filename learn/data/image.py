@@ -1,12 +1,11 @@
-"""A polar scan as the picture that the model sees: codes averaged over range, from above, from 0 to about 1.
+"""The image that the model takes: a polar scan averaged over range, then resampled to a Cartesian grid.
 
-Source: Barnes & Posner 2020, section IV (Cartesian pictures of 0.3456 or 0.6912 m a pixel). A scan is first
-averaged to range cells of half a pixel, which keeps noise from being picked at random and is a tenth of the
-bytes; a picture at any heading then comes from the cells in one interpolation, as sharp as the one at 0.
+Source: Barnes & Posner 2020, section IV (Cartesian images of 0.3456 or 0.6912 m a pixel). A scan is first
+averaged to range cells of half a pixel, so that noise is not sampled at random points, and which takes a tenth
+of the bytes; an image at any heading then takes one interpolation of the cells, as sharp as at heading 0.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -14,53 +13,32 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import grid_sample, pad
 
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.sim.datasets.cartesian import pixel_offsets, polar_places, range_averages
 
 CODE_OF_ONE = 128
-"""The code (64 dB above one count) that becomes 1 in the picture; the strongest of real scans are 136."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ImageSettings:
-    """How a scan becomes a picture.
-
-    pixel_m: width of a pixel [m]; size: pixels a side, even; near_m: range below which the
-    picture is empty, where leakage and the car itself are [m].
-    """
-
-    pixel_m: float = 0.6912
-    size: int = 320
-    near_m: float = 3.0
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.pixel_m) and self.pixel_m > 0):
-            raise ValueError(f"pixel_m must be finite and above 0, got {self.pixel_m}")
-        if self.size < 16 or self.size % 2:
-            raise ValueError(f"size must be even and 16 or more, got {self.size}")
-        if not (math.isfinite(self.near_m) and self.near_m >= 0):
-            raise ValueError(f"near_m must be finite and 0 or more, got {self.near_m}")
-
-    @property
-    def cell_m(self) -> float:
-        """Length of a range cell [m]."""
-        return self.pixel_m / 2
-
-    @property
-    def cells(self) -> int:
-        """Range cells that reach the corners of the picture, at any heading."""
-        return math.ceil(math.sqrt(2) * self.size) + 1
+"""The code (64 dB above one count) that becomes 1 in the image; the strongest of real scans are 136."""
 
 
 def range_cells(
     codes: NDArray[np.uint8], bin_m: float, settings: ImageSettings, *, range_offset_m: float = 0.0
 ) -> NDArray[np.uint8]:
-    """Return codes (azimuths, bins) averaged over cells of `settings.cell_m`: (azimuths, cells) uint8.
+    """Average a scan over range cells.
 
-    Cell j reaches from j cell_m to (j + 1) cell_m; bin k from k bin_m + range_offset_m on. What lies nearer
-    than `near_m` or beyond the last bin is 0. Each average is rounded to half a decibel.
+    Cell j reaches from j cell_m to (j + 1) cell_m; bin k begins at k bin_m + range_offset_m. Cells nearer than
+    `near_m` or beyond the last bin are 0. Each average is rounded to half a decibel.
+
+    Args:
+        codes: Codes of the scan (azimuths, bins) uint8.
+        bin_m: Length of a range bin [m].
+        settings: How scans become images.
+        range_offset_m: Added to the ranges of all bins [m].
+
+    Returns:
+        Mean codes (azimuths, cells) uint8.
 
     Raises:
-        ValueError: `codes` is no scan, or `bin_m` no length.
+        ValueError: `codes` is not a scan, or `bin_m` is not finite and above 0.
     """
     return range_averages(
         codes,
@@ -73,10 +51,15 @@ def range_cells(
 
 
 class Projector:
-    """Makes pictures of range cells."""
+    """Resamples range cells to images."""
 
     def __init__(self, settings: ImageSettings, azimuths: int) -> None:
-        """Prepare for scans of `azimuths` rows."""
+        """Prepare for scans of one size.
+
+        Args:
+            settings: How scans become images.
+            azimuths: Azimuths of a scan.
+        """
         self.settings, self.azimuths = settings, azimuths
         offsets = pixel_offsets(settings.size, pixel_m=settings.pixel_m, bin_m=settings.cell_m)
         self._offset = torch.from_numpy(offsets).float()
@@ -99,20 +82,27 @@ class Projector:
         turn_rad: float = 0.0,
         shift_m: tuple[float, float] = (0.0, 0.0),
     ) -> Tensor:
-        """Return a picture (1, size, size) float32 of cells (azimuths, cells), codes over `CODE_OF_ONE`.
+        """Resample range cells to an image, rotated about the radar and then shifted.
 
-        What stands at azimuth a appears at azimuth a + turn_rad, clockwise: the picture's content is turned
-        by `turn_rad` about the radar, as if the car had turned the other way; then it is shifted by
-        `shift_m` forward and right. What lies beyond the farthest cell is as that is.
+        An object at azimuth a appears at azimuth a + turn_rad, clockwise, as if the car had turned the other
+        way. Pixels beyond the last cell have its value.
+
+        Args:
+            cells: Range cells (azimuths, cells) uint8.
+            turn_rad: Clockwise rotation of the content about the radar [rad].
+            shift_m: Shift of the content after that: forward, right [m].
+
+        Returns:
+            The image (1, size, size) float32 on the CPU: codes over `CODE_OF_ONE`, forward up.
 
         Raises:
             ValueError: `cells` has another shape.
         """
         if cells.shape != (self.azimuths, self.settings.cells):
-            wanted = (self.azimuths, self.settings.cells)
-            raise ValueError(f"cells must have the shape {wanted}, got {cells.shape}")
+            expected = (self.azimuths, self.settings.cells)
+            raise ValueError(f"cells must have the shape {expected}, got {cells.shape}")
         polar = pad(torch.from_numpy(cells.astype(np.float32))[None, None], (0, 0, 0, 1))
-        polar[:, :, -1] = polar[:, :, 0]  # so that the last row is followed by the first
+        polar[:, :, -1] = polar[:, :, 0]  # the first azimuth follows the last
         grid = self._places(turn_rad, shift_m)[None]
         return grid_sample(polar, grid, align_corners=True, padding_mode="border")[0] / CODE_OF_ONE
 
@@ -120,10 +110,19 @@ class Projector:
 def image_of_codes(
     codes: NDArray[np.uint8], bin_m: float, settings: ImageSettings, *, range_offset_m: float = 0.0
 ) -> Tensor:
-    """Return a scan's picture (1, size, size) float32: `range_cells`, then `Projector.image`.
+    """Make the image of a scan: `range_cells`, then `Projector.image`.
+
+    Args:
+        codes: Codes of the scan (azimuths, bins) uint8.
+        bin_m: Length of a range bin [m].
+        settings: How scans become images.
+        range_offset_m: Added to the ranges of all bins [m].
+
+    Returns:
+        The image (1, size, size) float32 on the CPU.
 
     Raises:
-        ValueError: `codes` is no scan, or `bin_m` no length.
+        ValueError: `codes` is not a scan, or `bin_m` is not finite and above 0.
     """
     cells = range_cells(codes, bin_m, settings, range_offset_m=range_offset_m)
     return Projector(settings, codes.shape[0]).image(cells)

@@ -23,7 +23,8 @@ from echoscape.learn.data.augmentation import (
 )
 from echoscape.learn.data.cell_cache import Progress, cached_range_cells
 from echoscape.learn.data.ground_truth import EgoMotion, GroundTruth, ego_motion, scan_distortions
-from echoscape.learn.data.image import ImageSettings, Projector
+from echoscape.learn.data.image import Projector
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.procrustes import Motion
 from echoscape.learn.geometry.se2 import to_motion
 from echoscape.sim.datasets.files.atomic_write import DatasetError

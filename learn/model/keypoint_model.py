@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
-from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.model.descriptors import descriptors_at, embedding, sampled
 from echoscape.learn.model.feature_pyramid import FeaturePyramid

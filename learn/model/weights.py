@@ -12,7 +12,7 @@ from typing import Any
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.model.keypoint_model import KeypointModel, ModelSettings
 from echoscape.sim.datasets.files.atomic_write import DatasetError, write_whole
 

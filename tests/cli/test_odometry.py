@@ -9,7 +9,7 @@ import torch
 
 from echoscape.cli.__main__ import main
 from echoscape.eval.odometry.learned import learned_odometry
-from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.model.keypoint_model import KeypointModel, ModelSettings
 from echoscape.learn.model.weights import write_weights
 from echoscape.sim.datasets.layouts.oxford import read_odometry

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from echoscape.learn.data.image import CODE_OF_ONE, ImageSettings, Projector, image_of_codes, range_cells
+from echoscape.learn.data.image import CODE_OF_ONE, Projector, image_of_codes, range_cells
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.model.pixel_coords import metres_of_pixels, pixels_of_metres
 from echoscape.sim.datasets.cartesian import polar_to_cartesian
 

@@ -16,7 +16,7 @@ from echoscape.learn.data.augmentation import (
     augmented_motion,
     draw_augmentation,
 )
-from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.data.scan_pairs import Pair, PairDataset
 from echoscape.learn.model.pixel_coords import pixels_of_metres
 from echoscape.sim.datasets.files.atomic_write import DatasetError

@@ -10,7 +10,8 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.learn.data.image import ImageSettings, image_of_codes
+from echoscape.learn.data.image import image_of_codes
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.motion_compensation import Part
 from echoscape.learn.geometry.procrustes import Motion, moved, rotation_of_yaw

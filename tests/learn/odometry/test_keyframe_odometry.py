@@ -12,7 +12,7 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.motion_compensation import Part, ScanMotionModel
 from echoscape.learn.geometry.se2 import transform

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from echoscape.cli.train import main
 from echoscape.learn.data.augmentation import AugmentationConfig
-from echoscape.learn.data.image import ImageSettings
+from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.data.scan_pairs import PairDataset
 from echoscape.learn.geometry.procrustes import Motion
 from echoscape.learn.model.keypoint_model import Matching, ModelSettings
