@@ -1,8 +1,8 @@
 """The image that the model takes: a polar scan averaged over range, then resampled to a Cartesian grid.
 
 Source: Barnes & Posner 2020, section IV (Cartesian images of 0.3456 or 0.6912 m a pixel). A scan is first
-averaged to range cells of half a pixel, so that noise is not sampled at random points, and which takes a tenth
-of the bytes; an image at any heading then takes one interpolation of the cells, as sharp as at heading 0.
+averaged to range cells of half a pixel, a tenth of the bytes, so that noise is not sampled at random points;
+an image at any heading is then one interpolation of the cells, as sharp as at heading 0.
 """
 
 import math
@@ -25,8 +25,8 @@ def range_cells(
 ) -> NDArray[np.uint8]:
     """Average a scan over range cells.
 
-    Cell j reaches from j cell_m to (j + 1) cell_m; bin k begins at k bin_m + range_offset_m. Cells nearer than
-    `near_m` or beyond the last bin are 0. Each average is rounded to half a decibel.
+    Cell j reaches from j cell_m to (j + 1) cell_m; bin k begins at k bin_m + range_offset_m. Cells nearer
+    than `near_m` or beyond the last bin are 0. Each average is rounded to half a decibel.
 
     Args:
         codes: Codes of the scan (azimuths, bins) uint8.

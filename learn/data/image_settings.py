@@ -1,7 +1,7 @@
 """How a polar scan becomes the image that the model takes: resolution, size and the range that is left out.
 
-Source: Barnes & Posner 2020, section IV (Cartesian images of 0.3456 or 0.6912 m a pixel). Imports no PyTorch, so
-that the command line can list the settings without it.
+Source: Barnes & Posner 2020, section IV (Cartesian images of 0.3456 or 0.6912 m a pixel). Imports no PyTorch,
+so that the command line can list the settings without it.
 """
 
 import math
