@@ -20,8 +20,8 @@ from benchmarks.machine import description
 from echoscape.scenes.driving.ego_drive import plan_ego_drive
 from echoscape.scenes.town.build import build_town
 from echoscape.scenes.traffic.plan import plan_traffic
+from echoscape.sim.datasets.files.navtech_png import write_png
 from echoscape.sim.datasets.files.truth_npz import write_truth
-from echoscape.sim.datasets.layouts.oxford import write_png
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.ground_truth.cell_labels import CellLabeller

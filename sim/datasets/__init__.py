@@ -1,1 +1,1 @@
-"""Scans as data: the polar scan, folders of scans in published layouts, Cartesian images, poses. Needs no ray tracer."""
+"""Scans as data: polar scans, folders in published layouts, Cartesian images, poses; loads no ray tracer."""

@@ -1,7 +1,7 @@
 """Folders of scans, real or simulated: Oxford, MulRan, Boreas and Boreas-RT, read as the same `PolarScan`.
 
-A folder of ours says in echoscape.json what it is; a real one is recognised by its files, the width of its
-first picture and the unit of its time stamps (docs/conventions.md). Pictures are read when asked for.
+A simulated folder is described by its echoscape.json; a real one is recognised by its files, the width of its
+first image and the unit of its time stamps (docs/conventions.md). Images are read one at a time.
 """
 
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from echoscape.sim.datasets.beat_signal import BeatSignal
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.beat_npz import read_beat
 from echoscape.sim.datasets.files.metadata import FILE_NAME, read_manifest, sensor_of
-from echoscape.sim.datasets.files.navtech_png import HEADER_COLUMNS, grey_pixels, azimuth_ticks
+from echoscape.sim.datasets.files.navtech_png import HEADER_COLUMNS, azimuth_ticks, grey_pixels
 from echoscape.sim.datasets.files.truth_npz import read_truth
 from echoscape.sim.datasets.layouts.boreas import RT_OFFSET_M, UPDATED_BIN_M, UPDATED_US
 from echoscape.sim.datasets.layouts.layout import Layout
@@ -28,16 +28,20 @@ from echoscape.sim.sensor.sensor import Sensor
 
 _YEAR_2100_US = 4_102_444_800_000_000
 _SHORTEST_TIME = 13
-"""Digits from which a picture's name is a time and not a running number."""
+"""Least digits of an image's name that is a time and not a running number."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScanFolder:
-    """A folder of scans: `len`, iteration and `read` give them in the order of time.
+    """A folder of scans; `len`, iteration and `read` give them in order of time.
 
-    folder: the data set's; layout, sensor: what it was recognised as; paths: of its pictures; simulated:
-    whether it is one of ours, with truth; range_offset_m: what to add to the ranges of its bins (k + 1/2)
-    bin_m for true ranges.
+    Attributes:
+        folder: Folder of the data set.
+        layout: Its layout, recognised or given.
+        sensor: Its radar, recognised or given.
+        paths: Paths of its images.
+        simulated: Whether it was simulated, and so has ground truth.
+        range_offset_m: Offset to add to the ranges of bins, (k + 1/2) bin_m, for true ranges [m].
     """
 
     folder: Path
@@ -52,25 +56,53 @@ class ScanFolder:
         return len(self.paths)
 
     def __iter__(self) -> Iterator[PolarScan]:
-        """Read one scan after the other."""
+        """Read one scan after the other, without truth."""
         return (self.read(index) for index in range(len(self)))
 
     def read(self, index: int) -> PolarScan:
-        """Read scan `index`, without its truth.
+        """Read a scan, without its truth.
+
+        Args:
+            index: Number of the scan in order of time.
+
+        Returns:
+            The scan.
 
         Raises:
-            ValueError: there is no such scan.
-            DatasetError: its file is cut short or of another width; the message names it.
+            ValueError: There is no such scan.
+            DatasetError: Its file is cut short or has another width; the message names it.
         """
         return self.layout.read_scan(self._path(index), self.sensor)
 
     def truth(self, index: int) -> ScanTruth | None:
-        """Read the truth of scan `index`; None in a folder that is not ours."""
+        """Read the ground truth of a scan.
+
+        Args:
+            index: Number of the scan in order of time.
+
+        Returns:
+            The truth, None in a folder that was not simulated.
+
+        Raises:
+            ValueError: There is no such scan.
+            DatasetError: Its truth file is absent or damaged; the message names it.
+        """
         path = self._path(index)
         return read_truth(self.folder / "truth" / f"{path.stem}.npz") if self.simulated else None
 
     def beat(self, index: int) -> BeatSignal | None:
-        """Read the beat signal of scan `index`; None where none was kept."""
+        """Read the beat signal of a scan.
+
+        Args:
+            index: Number of the scan in order of time.
+
+        Returns:
+            The beat signal, None where none was kept.
+
+        Raises:
+            ValueError: There is no such scan.
+            DatasetError: Its beat file is absent or damaged; the message names it.
+        """
         path = self.folder / "beat" / f"{self._path(index).stem}.npz"
         return read_beat(path, sensor=self.sensor) if path.parent.is_dir() else None
 
@@ -81,32 +113,37 @@ class ScanFolder:
 
     @cached_property
     def stems(self) -> tuple[str, ...]:
-        """What the layout calls each scan: the name of its file, or if that is no time, as it would be."""
+        """Names of the scans in the layout, which are those of their files unless these are no times."""
         if all(_is_time(path.stem) for path in self.paths):
             return tuple(path.stem for path in self.paths)
         return tuple(self.layout.stem(scan.timestamp_us) for scan in self)
 
     @property
     def timestamps_us(self) -> NDArray[np.int64]:
-        """Times (N,) that name the scans [us]: of the first row (Oxford), last (MulRan), middle (Boreas)."""
+        """Times that name the scans (N,) [us]: first (Oxford), last (MulRan) or middle azimuth (Boreas)."""
         return np.array([self.layout.time_us(stem) for stem in self.stems], np.int64)
 
     def poses(self) -> NDArray[np.float64] | None:
-        """Return the poses (N, 4) of the car at mid-scan, x, y, z [m], yaw [rad], or None if none are told.
+        """Read the poses of the car.
 
-        World axes, z up, yaw counter-clockwise; for Oxford the world of the first scan. NaN where a scan has
-        no pose.
+        Returns:
+            World poses at mid-scan (N, 4): x, y, z [m], yaw [rad], z up and yaw counter-clockwise; for Oxford
+            in the world of the first scan. NaN for scans without a pose; None where the folder has no poses.
 
         Raises:
-            DatasetError: a file of poses is not what it should be; the message names it.
+            DatasetError: A file of poses is not valid; the message names it.
         """
         return self.layout.read_poses(self.folder, self.stems, self.sensor)
 
     def motion(self) -> NDArray[np.float64] | None:
-        """Return the motion (N - 1, 4) from each scan to the next, or None: x, y, z [m], yaw [rad].
+        """Compute the motion from each scan to the next.
 
-        The pose of the later in the earlier one's frame, Oxford axes: x forward, y right, z down, yaw
-        clockwise.
+        Returns:
+            Poses of the later scan in the frame of the earlier one (N - 1, 4): x forward, y right, z down
+            [m], yaw clockwise [rad]; None where the folder has no poses.
+
+        Raises:
+            DatasetError: A file of poses is not valid; the message names it.
         """
         poses = self.poses()
         if poses is None:
@@ -117,11 +154,19 @@ class ScanFolder:
 
 
 def open_folder(folder: Path | str, *, layout: str | None = None, sensor: Sensor | None = None) -> ScanFolder:
-    """Open a folder of scans; `layout` and `sensor` are recognised unless they are given.
+    """Open a folder of scans.
+
+    Args:
+        folder: Folder of a data set, or of images alone.
+        layout: Name of its layout, recognised by default.
+        sensor: Its radar, recognised by default.
+
+    Returns:
+        The folder, whose scans are not read yet.
 
     Raises:
-        DatasetError: it is no folder, has no scans, or cannot be recognised; the message names it.
-        ValueError: there is no layout of that name.
+        DatasetError: It is no folder, has no scans, or cannot be recognised; the message names it.
+        ValueError: There is no layout of this name.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -132,7 +177,7 @@ def open_folder(folder: Path | str, *, layout: str | None = None, sensor: Sensor
         content = read_manifest(folder)
         wanted, sensor = wanted or layout_of(content), sensor or sensor_of(content)
     found, place = _scans_folder(folder, wanted)
-    paths = _pictures(place)
+    paths = _images(place)
     image = grey_pixels(paths[0])
     wanted = wanted or found or _layout_by_first(image)
     offset_m = 0.0
@@ -151,7 +196,7 @@ def open_folder(folder: Path | str, *, layout: str | None = None, sensor: Sensor
 
 
 def _scans_folder(folder: Path, wanted: Layout | None) -> tuple[Layout | None, Path]:
-    """Return where the pictures lie, and the layout if the names of the folders tell it."""
+    """Return the folder of the images, and the layout if the names of the folders show it."""
     candidates = LAYOUTS.values() if wanted is None else (wanted,)
     for each in candidates:
         for name in each.scans_folders:
@@ -161,7 +206,7 @@ def _scans_folder(folder: Path, wanted: Layout | None) -> tuple[Layout | None, P
 
 
 def _by_neighbours(folder: Path, layout: Layout) -> Layout | None:
-    """Return whose folder it is: Oxford and Boreas both keep scans in `radar`, beside different files."""
+    """Return the layout by other files: Oxford and Boreas both keep scans in `radar`."""
     if "radar" not in layout.scans_folders:
         return layout
     if (folder / "applanix").is_dir():
@@ -171,8 +216,8 @@ def _by_neighbours(folder: Path, layout: Layout) -> Layout | None:
     return None
 
 
-def _pictures(place: Path) -> tuple[Path, ...]:
-    """Return the pictures in a folder by number."""
+def _images(place: Path) -> tuple[Path, ...]:
+    """Return the images in a folder by number."""
     paths = [path for path in place.glob("*.png") if not path.name.startswith(".")]
     if not paths:
         raise DatasetError(f"{place}: no scans (PNG files)")
@@ -184,7 +229,7 @@ def _is_time(stem: str) -> bool:
 
 
 def _layout_by_first(image: NDArray[np.uint8]) -> Layout:
-    """Return the layout whose quirks a lone picture has: MulRan counts nanoseconds, Oxford is 3768 wide."""
+    """Return the layout by one image: MulRan counts nanoseconds, Oxford is 3768 bins wide."""
     if azimuth_ticks(image)[0] > _YEAR_2100_US:
         return LAYOUTS["mulran"]
     if image.shape[1] == HEADER_COLUMNS + SENSORS["cts350x"].bins:
@@ -193,10 +238,10 @@ def _layout_by_first(image: NDArray[np.uint8]) -> Layout:
 
 
 def _sensor_by_first(path: Path, image: NDArray[np.uint8], layout: Layout) -> Sensor:
-    """Return the sensor that writes pictures of this size in this layout.
+    """Return the sensor that writes images of this size in this layout.
 
     Raises:
-        DatasetError: there is none; the message names the file.
+        DatasetError: There is none; the message names the file.
     """
     rows, columns = image.shape
     for sensor in _CANDIDATES[layout.name]:
@@ -204,7 +249,7 @@ def _sensor_by_first(path: Path, image: NDArray[np.uint8], layout: Layout) -> Se
             return _as_written(sensor, image)
     widths = ", ".join(f"{each.azimuths} x {HEADER_COLUMNS + each.bins}" for each in _CANDIDATES[layout.name])
     raise DatasetError(
-        f"{path}: {rows} rows and {columns} columns are no scan that the layout {layout.name} knows "
+        f"{path}: {rows} rows and {columns} columns are no scan of the layout {layout.name} "
         f"({widths}); give its sensor"
     )
 
@@ -217,7 +262,7 @@ _CANDIDATES = {
 
 
 def _as_written(sensor: Sensor, image: NDArray[np.uint8]) -> Sensor:
-    """Return a sensor with the quirks of one picture: sweeps that alternate or not, bins after the update."""
+    """Return a sensor as one image shows it: direction of sweeps, encoder, bins after the radar's update."""
     mark = image[:, 10] > 0
     if sensor.chirps == "alternating" and mark.all():
         sensor = replace(sensor, chirps="rising")

@@ -41,8 +41,8 @@ class Artefacts:
     leakage: float = 1.0
     """Power of transmit-receive leakage and radome echoes relative to the sensor's [W/W]."""
     quantisation: float | None = None
-    """Step of the analogue-to-digital converter relative to the amplitude at which it clips [V/V, up to 0.5]; by
-    default the sensor's own, 1/2048 V/V for the CTS350-X."""
+    """Step of the analogue-to-digital converter relative to the amplitude at which it clips [V/V, up to 0.5];
+    by default the sensor's own, 1/2048 V/V for the CTS350-X."""
     motion_distortion: float = 1.0
     """Share of a revolution over which its azimuths spread; 0: all from the pose at mid-scan [s/s, 0 to 1].
     Time stamps and true poses stay those of the drive."""

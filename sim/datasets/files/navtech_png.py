@@ -21,14 +21,22 @@ HEADER_COLUMNS = 11
 """Columns before the first range bin: 8 of time stamp, 2 of encoder, 1 of validity or sweep direction."""
 
 _YES = 255
-"""Column 10 of a valid row, or of one whose sweep rises where they alternate."""
+"""Column 10 of a valid azimuth, or where sweeps alternate of one whose sweep rises."""
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _RUN_LENGTHS = 3
 """zlib's Z_RLE: twice as fast as the default on scans, smaller, and the same bytes on every processor."""
 
 
 def png_bytes(scan: PolarScan, *, ticks_per_us: int = 1) -> bytes:
-    """Return a scan as a PNG (azimuths, 11 + bins) whose time stamps count `ticks_per_us` a microsecond."""
+    """Encode a scan.
+
+    Args:
+        scan: The scan.
+        ticks_per_us: Unit of the time stamps, per microsecond.
+
+    Returns:
+        The bytes of a PNG with (azimuths, 11 + bins) pixels.
+    """
     azimuths, bins = scan.codes.shape
     image = np.empty((azimuths, HEADER_COLUMNS + bins), np.uint8)
     ticks = scan.timestamp_us * ticks_per_us
@@ -42,15 +50,32 @@ def png_bytes(scan: PolarScan, *, ticks_per_us: int = 1) -> bytes:
 
 
 def write_png(path: Path, scan: PolarScan, *, ticks_per_us: int = 1) -> None:
-    """Write a scan to `path`, whole or not at all."""
+    """Write a scan, whole or not at all.
+
+    Args:
+        path: File to write.
+        scan: The scan.
+        ticks_per_us: Unit of the time stamps, per microsecond.
+
+    Raises:
+        OSError: The folder cannot be written to.
+    """
     write_whole(path, png_bytes(scan, ticks_per_us=ticks_per_us))
 
 
 def read_png(path: Path, *, sensor: Sensor = CTS350X, ticks_per_us: int = 1) -> PolarScan:
-    """Read the scan in `path`; its rows, bins and bin size are those of `sensor`. It has no truth.
+    """Read a scan.
+
+    Args:
+        path: The file.
+        sensor: The radar that took it, which gives azimuths, bins and bin size.
+        ticks_per_us: Unit of the time stamps, per microsecond.
+
+    Returns:
+        The scan, without truth.
 
     Raises:
-        DatasetError: the file is absent, cut short, or no scan of this sensor; the message names it.
+        DatasetError: The file is absent, cut short, or no scan of this sensor; the message names it.
     """
     image = grey_pixels(Path(path))
     expected = (sensor.azimuths, HEADER_COLUMNS + sensor.bins)
@@ -73,9 +98,16 @@ def read_png(path: Path, *, sensor: Sensor = CTS350X, ticks_per_us: int = 1) -> 
 
 
 def is_whole_png(path: Path) -> bool:
-    """Whether a file is there and is a PNG to its end: every chunk has its check sum, the last is IEND.
+    """Check that a PNG is complete: every chunk has its check sum, and the last one is IEND.
 
-    W3C, "Portable Network Graphics (PNG) Specification", 5.3: length, type, data, CRC of type and data.
+    A chunk is length, type, data, CRC of type and data (W3C, "Portable Network Graphics (PNG)
+    Specification", 5.3).
+
+    Args:
+        path: A file that may not exist.
+
+    Returns:
+        Whether the file exists and is complete.
     """
     try:
         data = memoryview(path.read_bytes())
@@ -94,15 +126,28 @@ def is_whole_png(path: Path) -> bool:
 
 
 def azimuth_ticks(image: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return the time stamps (rows,) int64 in the pixels of a scan, in the file's unit of time."""
+    """Decode the time stamps of a scan.
+
+    Args:
+        image: Pixels of its PNG (azimuths, columns).
+
+    Returns:
+        Time stamps (azimuths,) int64 in the file's unit.
+    """
     return image[:, :8].copy().view("<i8")[:, 0].astype(np.int64)
 
 
 def grey_pixels(path: Path) -> NDArray[np.uint8]:
-    """Return the pixels (rows, columns) of an 8-bit grey PNG.
+    """Read the pixels of an 8-bit grey PNG.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Pixels (azimuths, columns).
 
     Raises:
-        DatasetError: the file is absent, cut short, or another picture; the message names it.
+        DatasetError: The file is absent, cut short, or another kind of image; the message names it.
     """
     if not path.is_file():
         raise DatasetError(f"{path}: no such scan")

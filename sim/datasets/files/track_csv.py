@@ -1,4 +1,4 @@
-"""Who moves and where, as two small tables: movers.csv (what they are) and tracks.csv (where they are).
+"""Moving objects as two tables: movers.csv (what they are) and tracks.csv (their poses over time).
 
 World frame, z up, yaw counter-clockwise from world x; times on the clock of the scans' time stamps. The car
 that carries the radar is instance 0 in tracks.csv.
@@ -21,7 +21,14 @@ TRACK_COLUMNS = "timestamp_us,instance,x_m,y_m,z_m,yaw_rad,vx_mps,vy_mps,yaw_rat
 
 
 def movers_csv(movers: Sequence[Mover]) -> str:
-    """Return movers.csv: a row a mover."""
+    """Format movers.csv.
+
+    Args:
+        movers: The movers.
+
+    Returns:
+        Text with a row for each mover.
+    """
     rows = [
         f"{mover.instance},{mover.prototype.class_name},{mover.prototype.name},"
         + ",".join(f"{value:.3f}" for value in mover.prototype.extent_m)
@@ -31,9 +38,16 @@ def movers_csv(movers: Sequence[Mover]) -> str:
 
 
 def tracks_csv(car: Trajectory, movers: Sequence[Mover], times_s: NDArray[np.float64]) -> str:
-    """Return tracks.csv: the poses and velocities of the car and the movers at `times_s` (T,) [s], by time.
+    """Format tracks.csv.
 
-    A pose is that of the middle of the box on the ground; to a millimetre and a tenth of a milliradian.
+    Args:
+        car: Trajectory of the car that carries the radar.
+        movers: The movers.
+        times_s: Times of the rows (T,) [s].
+
+    Returns:
+        Text with the poses and velocities of car and movers, in order of time. A pose is that of the middle
+        of the object's box on the ground, to a millimetre and a tenth of a milliradian.
     """
     tracks = {0: car} | {mover.instance: mover.track for mover in movers}
     states = [
@@ -50,7 +64,14 @@ def tracks_csv(car: Trajectory, movers: Sequence[Mover], times_s: NDArray[np.flo
 
 
 def ends_as_table(path: Path) -> bool:
-    """Whether a file is there and ends with a line's end, as a table does; so does one cut between lines."""
+    """Check that a table is complete, as far as its last line.
+
+    Args:
+        path: A file that may not exist.
+
+    Returns:
+        Whether the file exists and ends with a line break; one that was cut between lines does as well.
+    """
     try:
         return path.read_bytes().endswith(b"\n")
     except FileNotFoundError:
@@ -59,26 +80,41 @@ def ends_as_table(path: Path) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class CarTrack:
-    """The car's velocity as tracks.csv has it.
+    """Velocity of the car from tracks.csv.
 
-    time_us (T,) int64 [us]; rate (T, 3): vx, vy [m/s] in the world and yaw rate [rad/s], counter-clockwise.
+    Attributes:
+        time_us: Times (T,) int64 [us].
+        rate: vx, vy in the world [m/s] and yaw rate, counter-clockwise [rad/s] (T, 3).
     """
 
     time_us: NDArray[np.int64]
     rate: NDArray[np.float64]
 
     def velocity(self, stamps_us: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return vx, vy [m/s] and yaw rate [rad/s] (N, 3) at `stamps_us` (N,), linear between the rows."""
-        clock = (self.time_us - self.time_us[0]).astype(np.float64)
-        ask = (stamps_us - self.time_us[0]).astype(np.float64)
-        return np.stack([np.interp(ask, clock, column) for column in self.rate.T], axis=1)
+        """Interpolate the velocity linearly.
+
+        Args:
+            stamps_us: Times (N,) [us].
+
+        Returns:
+            vx, vy [m/s] and yaw rate [rad/s] (N, 3).
+        """
+        known = (self.time_us - self.time_us[0]).astype(np.float64)
+        wanted = (stamps_us - self.time_us[0]).astype(np.float64)
+        return np.stack([np.interp(wanted, known, column) for column in self.rate.T], axis=1)
 
 
 def read_car_track(path: Path) -> CarTrack:
     """Read the car's rows (instance 0) of a tracks.csv.
 
+    Args:
+        path: The file.
+
+    Returns:
+        Velocity of the car.
+
     Raises:
-        DatasetError: the file is absent, has another header, or has no sensible row of the car.
+        DatasetError: The file is absent, has another header, or has no valid row of the car.
     """
     lines = read_text(path).splitlines()
     if not lines or lines[0] != TRACK_COLUMNS:

@@ -1,7 +1,7 @@
 """The folder of the MulRan data set: scans named after their end in nanoseconds, and the car's poses.
 
 Kim et al., "MulRan: Multimodal Range Dataset for Urban Place Recognition", ICRA 2020, its file player and
-loaders: pictures with time and encoder in `sensor_data/radar/polar_oxford_form`, `global_pose.csv` with rows
+loaders: images with time and encoder in `sensor_data/radar/polar_oxford_form`, `global_pose.csv` with rows
 of a time [ns] and the 3 x 4 pose of the car's frame (x forward, y left, z up) in the world, row by row.
 """
 
@@ -21,19 +21,32 @@ _NS = 1000
 
 
 class MulRan(Layout):
-    """`sensor_data/radar/polar_oxford_form/<time of the last row, ns>.png`, `global_pose.csv`, stamps."""
+    """`sensor_data/radar/polar_oxford_form/<time of the last azimuth, ns>.png`, `global_pose.csv`, stamps."""
 
     name = "mulran"
     scans_folders = ("sensor_data/radar/polar_oxford_form", "radar/polar_oxford_form", "polar_oxford_form")
     other_folders = ("sensor_data",)
     ticks_per_us = _NS
 
-    def stem(self, row_us: NDArray[np.int64]) -> str:
-        """Return the time of the last row [ns]: MulRan's scans are named when they end."""
-        return str(int(row_us[-1]) * _NS)
+    def stem(self, azimuth_us: NDArray[np.int64]) -> str:
+        """Name a scan after the time of its last azimuth [ns].
+
+        Args:
+            azimuth_us: Times of its azimuths (azimuths,) [us].
+
+        Returns:
+            Name of its image, without the suffix.
+        """
+        return str(int(azimuth_us[-1]) * _NS)
 
     def write_motion(self, folder: Path, records: Sequence[ScanRecord], sensor: Sensor) -> None:
-        """Write the stamps, and `global_pose.csv` with the pose at the middle and the end of every scan."""
+        """Write the stamps, and `global_pose.csv` with the pose at the middle and the end of every scan.
+
+        Args:
+            folder: Folder of the data set.
+            records: The scans, in order of time.
+            sensor: The radar.
+        """
         lines = []
         for record in records:
             if not lines:  # so that nothing lies before the first pose
@@ -48,7 +61,20 @@ class MulRan(Layout):
         write_whole(sensors / "data_stamp.csv", "".join(f"{stem},radar\n" for stem in stems).encode())
 
     def read_poses(self, folder: Path, stems: Sequence[str], sensor: Sensor) -> NDArray[np.float64] | None:
-        """Interpolate `global_pose.csv` to the middle of each scan, half a turn before its name's time."""
+        """Interpolate `global_pose.csv` to the middle of each scan, half a revolution before its name's time.
+
+        Args:
+            folder: Folder of the data set.
+            stems: Names of the N scans, in order of time.
+            sensor: The radar.
+
+        Returns:
+            World poses at mid-scan (N, 4): x, y, z [m], yaw [rad], NaN outside the file's times; None without
+            the file.
+
+        Raises:
+            DatasetError: The file is not valid; the message names it.
+        """
         path = folder / "global_pose.csv"
         if not path.is_file():
             return None
@@ -57,10 +83,16 @@ class MulRan(Layout):
 
 
 def read_global_poses(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return times (T,) int64 [ns] and poses (T, 4): x, y, z [m], yaw [rad] of a `global_pose.csv`.
+    """Read a `global_pose.csv`.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Times (T,) int64 [ns] and poses (T, 4): x, y, z [m], yaw [rad].
 
     Raises:
-        DatasetError: the file is absent, empty, out of order, or a line is no pose; the message names it.
+        DatasetError: The file is absent, empty, out of order, or a line is no pose; the message names it.
     """
     lines = read_text(path).splitlines()
     if not lines:
@@ -70,7 +102,7 @@ def read_global_poses(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64
     except (ValueError, OverflowError) as error:
         raise DatasetError(f"{path}: a line begins with no time in nanoseconds ({error})") from error
     if (np.diff(times) <= 0).any():
-        raise DatasetError(f"{path}: the times do not grow from line to line")
+        raise DatasetError(f"{path}: the times do not increase from line to line")
     matrix = numbers(path, lines, count=13, first=1)[:, 1:].reshape(-1, 3, 4)
     yaw = np.arctan2(matrix[:, 1, 0], matrix[:, 0, 0])
     return times, np.column_stack([matrix[:, :, 3], yaw])
@@ -87,11 +119,11 @@ def _pose_line(time_ns: int, pose: NDArray[np.float64]) -> str:
 def _middle_ns(stems: Sequence[str], sensor: Sensor) -> NDArray[np.int64]:
     """Return the middles (N,) of scans named after their end [ns].
 
-    A turn lasts from one end to the next; where a scan is missing before, or is the first, the nominal time.
+    A revolution lasts from one end to the next; the nominal time is taken for the first scan and after a gap.
     """
     ends = np.array([int(stem) for stem in stems], np.int64)
     nominal = 1e9 / sensor.rotation_hz
-    turn = np.diff(ends, prepend=ends[:1]).astype(np.float64)
-    turn = np.where(np.abs(turn - nominal) < 0.1 * nominal, turn, nominal)
-    back = turn * (sensor.azimuths - 1) / (2 * sensor.azimuths)
+    revolution = np.diff(ends, prepend=ends[:1]).astype(np.float64)
+    revolution = np.where(np.abs(revolution - nominal) < 0.1 * nominal, revolution, nominal)
+    back = revolution * (sensor.azimuths - 1) / (2 * sensor.azimuths)
     return ends - np.rint(back).astype(np.int64)

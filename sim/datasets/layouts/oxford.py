@@ -1,7 +1,7 @@
 """The folder of the Oxford Radar RobotCar data set: its scans, their times, and the motion between them.
 
 Barnes et al., "The Oxford Radar RobotCar Dataset", ICRA 2020, and the files and loaders published with it.
-docs/conventions.md says how its axes and times relate to ours.
+docs/conventions.md relates its axes and times to those of simulated worlds.
 """
 
 import csv
@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, write_whole
-from echoscape.sim.datasets.files.navtech_png import read_png as read_png
-from echoscape.sim.datasets.files.navtech_png import write_png as write_png
 from echoscape.sim.datasets.layouts.layout import Layout, ScanRecord
 from echoscape.sim.datasets.se2 import compose, from_world, relative_from_world, to_world
 from echoscape.sim.sensor.sensor import Sensor
@@ -37,15 +35,26 @@ ODOMETRY_HEADER = (
 
 
 def write_timestamps(path: Path, stamps_us: Sequence[int]) -> None:
-    """Write `radar.timestamps`: the time of each scan's first row, which names its file, and 1 for valid."""
+    """Write `radar.timestamps`: the time of each scan's first azimuth, which names its file, and 1 for valid.
+
+    Args:
+        path: File to write.
+        stamps_us: The times [us].
+    """
     write_whole(path, "".join(f"{stamp} 1\n" for stamp in stamps_us).encode())
 
 
 def read_timestamps(path: Path) -> list[int]:
-    """Return the time stamps in `radar.timestamps` [us].
+    """Read `radar.timestamps`.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The time stamps [us].
 
     Raises:
-        DatasetError: the file is absent or a line of it is no `<timestamp> <valid>`; the message names both.
+        DatasetError: The file is absent or a line of it is no `<timestamp> <valid>`; the message names both.
     """
     stamps = []
     for number, line in enumerate(read_text(path).splitlines(), 1):
@@ -63,8 +72,17 @@ def read_timestamps(path: Path) -> list[int]:
 class OdometryRow:
     """The pose of the later frame (source) in the earlier one's (destination), mid-scan to mid-scan.
 
-    x forward, y right, z down [m]; yaw clockwise seen from above [rad]. Times are mid-scan [us], those of
-    `_radar_us` name the files [us].
+    Attributes:
+        source_us: Mid-scan of the later scan [us].
+        destination_us: Mid-scan of the earlier scan [us].
+        x: Forward [m].
+        y: Right [m].
+        z: Down [m].
+        roll: Rotation about x [rad].
+        pitch: Rotation about y [rad].
+        yaw: Rotation about z, clockwise seen from above [rad].
+        source_radar_us: Time that names the file of the later scan [us].
+        destination_radar_us: Time that names the file of the earlier scan [us].
     """
 
     source_us: int
@@ -80,7 +98,12 @@ class OdometryRow:
 
 
 def write_odometry(path: Path, rows: Sequence[OdometryRow]) -> None:
-    """Write `gt/radar_odometry.csv` with the data set's header and six decimals."""
+    """Write `gt/radar_odometry.csv` with the data set's header and six decimals.
+
+    Args:
+        path: File to write.
+        rows: A row for each pair of successive scans.
+    """
     lines = [",".join(ODOMETRY_HEADER)]
     for row in rows:
         motion = ",".join(f"{value:.6f}" for value in (row.x, row.y, row.z, row.roll, row.pitch, row.yaw))
@@ -90,10 +113,16 @@ def write_odometry(path: Path, rows: Sequence[OdometryRow]) -> None:
 
 
 def read_odometry(path: Path) -> list[OdometryRow]:
-    """Return the rows of a `radar_odometry.csv`.
+    """Read a `radar_odometry.csv`.
+
+    Args:
+        path: The file.
+
+    Returns:
+        A row for each pair of scans.
 
     Raises:
-        DatasetError: the file is absent, has another header, or a row is no motion; the message names both.
+        DatasetError: The file is absent, has another header, or a row is no motion; the message names both.
     """
     lines = list(csv.reader(read_text(path).splitlines()))
     if not lines or tuple(lines[0]) != ODOMETRY_HEADER:
@@ -127,26 +156,49 @@ def read_odometry(path: Path) -> list[OdometryRow]:
 
 
 class Oxford(Layout):
-    """`radar/<time of the first row, us>.png`, `radar.timestamps`, `gt/radar_odometry.csv`."""
+    """`radar/<time of the first azimuth, us>.png`, `radar.timestamps`, `gt/radar_odometry.csv`."""
 
     name = "oxford"
     scans_folders = ("radar",)
     other_folders = ("gt",)
 
-    def stem(self, row_us: NDArray[np.int64]) -> str:
-        """Return the time of the first row [us]."""
-        return str(row_us[0])
+    def stem(self, azimuth_us: NDArray[np.int64]) -> str:
+        """Name a scan after the time of its first azimuth [us].
+
+        Args:
+            azimuth_us: Times of its azimuths (azimuths,) [us].
+
+        Returns:
+            Name of its image, without the suffix.
+        """
+        return str(azimuth_us[0])
 
     def write_motion(self, folder: Path, records: Sequence[ScanRecord], sensor: Sensor) -> None:
-        """Write `radar.timestamps` and the odometry from scan to scan."""
+        """Write `radar.timestamps` and the odometry from scan to scan.
+
+        Args:
+            folder: Folder of the data set.
+            records: The scans, in order of time.
+            sensor: The radar.
+        """
         rows = [_odometry_row(*pair) for pair in pairwise(records)]
         write_odometry(folder / "gt" / "radar_odometry.csv", rows)
         write_timestamps(folder / "radar.timestamps", [int(record.stem) for record in records])
 
     def read_poses(self, folder: Path, stems: Sequence[str], sensor: Sensor) -> NDArray[np.float64] | None:
-        """Chain the odometry: poses (N, 4) in a world in which the first scan that has any stands at 0.
+        """Chain the odometry in a world in which the first scan of the chain is at 0.
 
-        The chain ends where a pair of successive scans has no row: from there on poses are NaN.
+        Args:
+            folder: Folder of the data set.
+            stems: Names of the N scans, in order of time.
+            sensor: The radar.
+
+        Returns:
+            World poses (N, 4): x, y, z [m], yaw [rad], NaN outside the first chain of pairs that have a row;
+            None without the file of odometry.
+
+        Raises:
+            DatasetError: The file is not valid; the message names it.
         """
         path = folder / "gt" / "radar_odometry.csv"
         if not path.is_file():

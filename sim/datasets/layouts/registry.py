@@ -1,4 +1,4 @@
-"""The layouts of dataset folders by name, and which of them is the home of which sensor."""
+"""The layouts of data set folders by name, and the layout in which each sensor's real scans are published."""
 
 from collections.abc import Mapping
 from typing import Any, Literal
@@ -19,14 +19,20 @@ HOMES: Mapping[str, LayoutName] = {
     "cir304": "boreas",
     "cir304_rt": "boreas",
 }
-"""The layout in which a sensor's real scans are published; any other sensor's are written as Oxford's."""
+"""Layout in which a sensor's real scans are published; those of other sensors are written in Oxford's."""
 
 
 def layout_named(name: str) -> Layout:
-    """Return the layout of this name.
+    """Look up a layout.
+
+    Args:
+        name: Its name.
+
+    Returns:
+        The layout.
 
     Raises:
-        ValueError: there is none.
+        ValueError: There is none of this name.
     """
     if name not in LAYOUTS:
         raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {name!r}")
@@ -34,15 +40,28 @@ def layout_named(name: str) -> Layout:
 
 
 def home_of(sensor_name: str) -> Layout:
-    """Return the layout that a sensor's scans are written in unless another is asked for."""
+    """Look up the layout in which a sensor's scans are written by default.
+
+    Args:
+        sensor_name: Name of the sensor.
+
+    Returns:
+        The layout; Oxford's for sensors without a published data set.
+    """
     return LAYOUTS[HOMES.get(sensor_name, "oxford")]
 
 
 def layout_of(content: Mapping[str, Any]) -> Layout:
-    """Return the layout of the dataset that a manifest (echoscape.json) describes.
+    """Look up the layout of a simulated data set.
+
+    Args:
+        content: Content of its echoscape.json.
+
+    Returns:
+        The layout.
 
     Raises:
-        DatasetError: it names none.
+        DatasetError: The content names no layout.
     """
     try:
         name = content["config"].get("layout")

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from echoscape.eval.figures.scan_image import scan_image, write_scan_image
-from echoscape.sim.datasets.layouts.oxford import write_png
+from echoscape.sim.datasets.files.navtech_png import write_png
 from tests.sim.scans import drawn_scan
 
 

@@ -106,7 +106,7 @@ def test_layout_and_sensor_can_be_forced(tmp_path: Path) -> None:
     sensor = replace(CIR204, name="mine", bins=100, fft_size=512, bin_m=0.9, bandwidth_hz=40e6)
     put(tmp_path, "boreas", sensor)
     with pytest.raises(
-        DatasetError, match=r"124375\.png: 400 rows and 111 columns are no scan that .* boreas"
+        DatasetError, match=r"124375\.png: 400 rows and 111 columns are no scan of the layout boreas"
     ):
         open_folder(tmp_path)
     found = open_folder(tmp_path, layout="boreas", sensor=sensor)

@@ -8,7 +8,8 @@ from numpy.testing import assert_array_equal
 
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.beat_npz import read_beat
-from echoscape.sim.datasets.layouts.oxford import read_png, read_timestamps
+from echoscape.sim.datasets.files.navtech_png import read_png
+from echoscape.sim.datasets.layouts.oxford import read_timestamps
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
 from echoscape.sim.receiver.range_fft import codes_of_beat

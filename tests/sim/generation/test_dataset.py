@@ -20,8 +20,9 @@ from echoscape.scenes.core.targets import Target
 from echoscape.scenes.traffic.plan import TrafficSettings
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.metadata import read_manifest, sensor_of
+from echoscape.sim.datasets.files.navtech_png import read_png
 from echoscape.sim.datasets.files.truth_npz import read_truth
-from echoscape.sim.datasets.layouts.oxford import read_odometry, read_png, read_timestamps
+from echoscape.sim.datasets.layouts.oxford import read_odometry, read_timestamps
 from echoscape.sim.generation import setup as stage
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
