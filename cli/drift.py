@@ -50,17 +50,17 @@ def main(arguments: Sequence[str]) -> int:
         print(f"echoscape drift: {error}", file=sys.stderr)
         return 2
     if options.json:
-        print(json.dumps(found.content()))
+        print(json.dumps(found.as_dict()))
     else:
         Console().print(_table(found))
     return 0
 
 
 def _drift(options: Options) -> "Drift":
-    from echoscape.eval.odometry.kitti_drift import drift
+    from echoscape.eval.odometry.kitti_drift import kitti_drift
     from echoscape.eval.odometry.trajectory_io import read_kitti
 
-    return drift(read_kitti(options.estimate), read_kitti(options.truth), step=options.step)
+    return kitti_drift(read_kitti(options.estimate), read_kitti(options.truth), step=options.step)
 
 
 def _table(found: "Drift") -> Table:

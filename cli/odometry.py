@@ -85,7 +85,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _run(options: Options) -> "tuple[OdometryResult, dict[str, Any], tuple[Path, ...]]":
     """Run the method and write its files; nothing is written before all results are there."""
-    from echoscape.eval.odometry.metrics import metrics
+    from echoscape.eval.odometry.metrics import odometry_metrics
     from echoscape.eval.odometry.report import write_odometry_report
     from echoscape.eval.odometry.run import run_odometry
     from echoscape.sim.datasets.files.output_folder import check_output_folder
@@ -102,9 +102,9 @@ def _run(options: Options) -> "tuple[OdometryResult, dict[str, Any], tuple[Path,
         result = run_odometry(folder, method, progress=bars.report)
         loop_closure = _loop_closure(places, folder, method, bars)
         bars.report("report", 0, 1)
-        paths = write_odometry_report(options.out, result, folder, method, loop_closure)
+        paths = write_odometry_report(options.out, result, folder, loop_closure)
         bars.report("report", 1, 1)
-    return result, {**metrics(result), **loop_closure}, paths
+    return result, {**odometry_metrics(result), **loop_closure}, paths
 
 
 def _check(options: Options) -> None:
@@ -174,30 +174,31 @@ def _loop_closure(
 def _table(figures: "dict[str, Any]") -> Table:
     """Return the main figures as a small table."""
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    failed = f", [red]{figures['failed']} failed[/red]" if figures["failed"] else ", none failed"
+    failed, drift = figures["failed_pairs"], figures["kitti_drift"]
+    failed = f", [red]{failed} failed[/red]" if failed else ", none failed"
     table.add_row("pairs", f"{figures['pairs']}{failed}")
-    if figures["judged"]:
+    if figures["pairs_with_truth"]:
         for name, label, unit in (
-            ("pair_translation_m", "translation", "m"),
-            ("pair_rotation_deg", "rotation", "deg"),
+            ("translation_error_m", "translation", "m"),
+            ("rotation_error_deg", "rotation", "deg"),
         ):
-            mean, median, largest = (figures[name + ending] for ending in ("", "_median", "_max"))
+            mean, median, largest = (figures[name + ending] for ending in ("_mean", "_median", "_max"))
             table.add_row(
                 label, f"error {mean:.4f} {unit} a pair, median {median:.4f}, largest {largest:.4f}"
             )
     else:
         table.add_row("truth", "none in this folder")
-    if figures["segments"]:
-        degrees = 100 * figures["rotation_deg_per_m"]
-        table.add_row("drift", f"{figures['translation_percent']:.2f} %, {degrees:.3f} deg per 100 m")
-    elif figures["judged"]:
-        table.add_row("drift", f"unknown: {figures['way_m']:.0f} m hold no segment of 100 m")
+    if drift["segments"]:
+        degrees = 100 * drift["rotation_deg_per_m"]
+        table.add_row("drift", f"{drift['translation_percent']:.2f} %, {degrees:.3f} deg per 100 m")
+    elif figures["pairs_with_truth"]:
+        table.add_row("drift", f"unknown: {figures['path_m']:.0f} m hold no segment of 100 m")
     if "loop_closure" in figures:
         loop = figures["loop_closure"]
         shares = f"{100 * loop['within']:.0f} %, {100 * loop['plain_within']:.0f} % without hypotheses"
         table.add_row("any heading", f"{shares}, of {loop['pairs']} within 0.5 m and 1 deg")
-    if figures["hz"] is not None:
-        table.add_row("speed", f"{figures['hz']:.2f} pairs per second")
+    if figures["pairs_per_s"] is not None:
+        table.add_row("speed", f"{figures['pairs_per_s']:.2f} pairs per second")
     return table
 
 

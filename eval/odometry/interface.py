@@ -1,6 +1,6 @@
-"""What judges and commands ask of a radar odometry: a start, and then the motion to each scan that follows.
+"""The interface of a radar odometry: it starts with a scan, then gives the motion to each scan that follows.
 
-What a method keeps of the scans before is its own: the features of the last one, as Barnes & Posner 2020 do,
+What a method keeps between scans is its own state: the features of the last scan, as in Barnes & Posner 2020,
 or a keyframe and a velocity besides.
 """
 
@@ -17,14 +17,17 @@ State = TypeVar("State")
 
 
 class PairFailed(ValueError):
-    """An estimator found no motion; the message says why. The pair is recorded as failed."""
+    """A method found no motion; the message says why. The pair is recorded as failed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatchedPoints:
-    """N matched points of a pair.
+    """Matched points of a pair of scans.
 
-    earlier_m, later_m (N, 2): forward, right [m], each in its own scan's frame; weights (N,), 0 or more.
+    Attributes:
+        earlier_m: Points (N, 2) in the frame of the earlier scan: forward, right [m].
+        later_m: Points (N, 2) in the frame of the later scan: forward, right [m].
+        weights: Weights (N,), 0 or more.
     """
 
     earlier_m: NDArray[np.float64]
@@ -40,10 +43,13 @@ class MatchedPoints:
 
 @dataclass(frozen=True, kw_only=True)
 class PairMotion:
-    """The pose of the later scan in the earlier one's frame, mid-scan to mid-scan, Oxford axes.
+    """The pose of the later scan in the frame of the earlier one, mid-scan to mid-scan, in Oxford axes.
 
-    x_m forward, y_m right [m]; yaw_rad clockwise seen from above [rad]; matches: what it was made from, where
-    the estimator matches points.
+    Attributes:
+        x_m: Forward [m].
+        y_m: Right [m].
+        yaw_rad: Clockwise seen from above [rad].
+        matches: The points behind the motion, None if the method matches no points.
     """
 
     x_m: float
@@ -53,7 +59,7 @@ class PairMotion:
 
     @property
     def is_finite(self) -> bool:
-        """Whether all three are numbers."""
+        """Whether x, y and yaw are finite numbers."""
         return all(map(math.isfinite, (self.x_m, self.y_m, self.yaw_rad)))
 
 
@@ -62,21 +68,34 @@ class OdometryMethod(Protocol[State]):
 
     @property
     def name(self) -> str:
-        """What results are labelled with."""
+        """Name of the method in results."""
         ...
 
     def start(self, scan: PolarScan) -> State:
-        """Return what is kept of a drive that begins, or begins again, with a scan.
+        """Begin a drive, or begin again, with a scan.
+
+        Args:
+            scan: The first scan.
+
+        Returns:
+            The state after it.
 
         Raises:
-            PairFailed: the scan has nothing to compare.
+            PairFailed: The scan has nothing to compare.
         """
         ...
 
     def follow(self, state: State, scan: PolarScan) -> tuple[PairMotion, State]:
-        """Return the pose of a scan in the frame of the one before it, and what is kept then.
+        """Estimate the motion since the scan before.
+
+        Args:
+            state: The state after the scan before.
+            scan: The next scan.
+
+        Returns:
+            The motion, and the state after the scan.
 
         Raises:
-            PairFailed: the scan has nothing to compare, or the scans cannot be brought together.
+            PairFailed: The scan has nothing to compare, or the motion is not determined.
         """
         ...

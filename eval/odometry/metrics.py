@@ -1,7 +1,8 @@
-"""Figures of an odometry: errors of its pairs, its drift, its speed.
+"""Metrics of an odometry: errors of its pairs, its drift, its speed.
 
-A pair's errors are |t - t_true| [m] and |yaw - yaw_true| [deg] of the motion from scan to scan; failed pairs
-count as no motion. Drift is KITTI's (eval/odometry/kitti_drift.py), over every stretch of scans whose truth is known.
+The errors of a pair are |t - t_true| [m] and |yaw - yaw_true| [deg] of the motion from scan to scan; failed
+pairs count as no motion. Drift is KITTI's (eval/odometry/kitti_drift.py), over every run of scans with known
+truth.
 """
 
 from typing import Any
@@ -9,73 +10,101 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.eval.odometry.kitti_drift import KITTI_STEP, RADAR_STEP, drift_of_segments, joined, segments
+from echoscape.eval.odometry.kitti_drift import (
+    KITTI_STEP,
+    RADAR_STEP,
+    concatenated,
+    mean_drift,
+    segment_errors,
+)
 from echoscape.eval.odometry.run import OdometryResult
+from echoscape.sim.datasets.se2 import wrapped
 
-_SHARES = (50, 90, 99, 100)
-
-
-def pair_errors(odometry: OdometryResult) -> NDArray[np.float64]:
-    """Return errors (N - 1, 2): translation [m], rotation [rad]; NaN where truth is unknown."""
-    if odometry.true_motions is None:
-        return np.full((len(odometry.pairs), 2), np.nan)
-    off = odometry.motions - odometry.true_motions
-    turn = np.arctan2(np.sin(off[:, 2]), np.cos(off[:, 2]))
-    return np.stack([np.hypot(off[:, 0], off[:, 1]), np.abs(turn)], axis=1)
+_PERCENTILES = (50, 90, 99, 100)
 
 
-def metrics(odometry: OdometryResult) -> dict[str, Any]:
-    """Return all figures by name, ready for JSON; None (null) where truth or segments are lacking."""
-    errors = pair_errors(odometry)
-    judged = errors[np.isfinite(errors).all(axis=1)]
+def pair_errors(result: OdometryResult) -> NDArray[np.float64]:
+    """Compute the errors of all pairs.
+
+    Args:
+        result: The odometry.
+
+    Returns:
+        Translation [m] and rotation [rad] errors (N - 1, 2), NaN where the truth is unknown.
+    """
+    if result.true_motions is None:
+        return np.full((len(result.pairs), 2), np.nan)
+    error = result.motions - result.true_motions
+    return np.stack([np.hypot(error[:, 0], error[:, 1]), np.abs(wrapped(error[:, 2]))], axis=1)
+
+
+def odometry_metrics(result: OdometryResult) -> dict[str, Any]:
+    """Compute the metrics of an odometry.
+
+    Args:
+        result: The odometry.
+
+    Returns:
+        Values by name, ready for JSON; None (null) where truth or segments are missing. docs/results.md lists
+        them.
+    """
+    errors = pair_errors(result)
+    known = errors[np.isfinite(errors).all(axis=1)]
     return {
-        "method": odometry.method,
-        "scans": len(odometry.names),
-        "pairs": len(odometry.pairs),
-        "failed": int(odometry.failed.sum()),
-        "judged": len(judged),
-        **_figures("pair_translation_m", judged[:, 0]),
-        **_figures("pair_rotation_deg", np.degrees(judged[:, 1])),
-        **_drift(odometry, KITTI_STEP),
-        f"step_{RADAR_STEP}": _drift(odometry, RADAR_STEP),
-        "way_m": _way_m(odometry),
-        "hz": odometry.hz,
+        "method": result.method,
+        "scans": len(result.names),
+        "pairs": len(result.pairs),
+        "failed_pairs": int(result.failed.sum()),
+        "pairs_with_truth": len(known),
+        **_summary("translation_error_m", known[:, 0]),
+        **_summary("rotation_error_deg", np.degrees(known[:, 1])),
+        "kitti_drift": _drift(result, KITTI_STEP),
+        f"kitti_drift_step_{RADAR_STEP}": _drift(result, RADAR_STEP),
+        "path_m": _path_m(result),
+        "pairs_per_s": result.pairs_per_s,
         "failures": [
-            {"pair": i, "earlier": odometry.names[i], "later": odometry.names[i + 1], "reason": pair.failure}
-            for i, pair in enumerate(odometry.pairs)
+            {"pair": i, "earlier": result.names[i], "later": result.names[i + 1], "reason": pair.failure}
+            for i, pair in enumerate(result.pairs)
             if pair.motion is None
         ],
     }
 
 
-def stretches(known: NDArray[np.bool_]) -> list[slice]:
-    """Return the runs of True in `known` (N,) as slices, in order."""
+def runs_of_true(known: NDArray[np.bool_]) -> list[slice]:
+    """Find the runs of True in an array.
+
+    Args:
+        known: Flags (N,).
+
+    Returns:
+        A slice for each run, in order.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
     return [slice(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
-def _figures(name: str, errors: NDArray[np.float64]) -> dict[str, float | None]:
+def _summary(name: str, errors: NDArray[np.float64]) -> dict[str, float | None]:
     """Return mean, median, percentiles and maximum of errors (K,) by name."""
-    labels = [name, f"{name}_median", f"{name}_p90", f"{name}_p99", f"{name}_max"]
+    labels = [f"{name}_{each}" for each in ("mean", "median", "p90", "p99", "max")]
     if not len(errors):
         return dict.fromkeys(labels)
-    values = [errors.mean(), *np.percentile(errors, _SHARES)]
+    values = [errors.mean(), *np.percentile(errors, _PERCENTILES)]
     return {label: float(value) for label, value in zip(labels, values, strict=True)}
 
 
-def _drift(odometry: OdometryResult, step: int) -> dict[str, Any]:
-    """Return the drift with segments that start at every `step`-th frame."""
+def _drift(result: OdometryResult, step: int) -> dict[str, Any]:
+    """Return the drift with segments that start at every `step`-th scan."""
     parts = []
-    if odometry.truth is not None:
+    if result.truth is not None:
         parts = [
-            segments(odometry.poses[part], odometry.truth[part], step=step)
-            for part in stretches(odometry.known)
+            segment_errors(result.poses[part], result.truth[part], step=step)
+            for part in runs_of_true(result.known)
         ]
-    return drift_of_segments(joined(parts)).content()
+    return mean_drift(concatenated(parts)).as_dict()
 
 
-def _way_m(odometry: OdometryResult) -> float | None:
-    """Return how far the car truly drove where that is known [m]."""
-    if odometry.true_motions is None:
+def _path_m(result: OdometryResult) -> float | None:
+    """Return the length of the true path where it is known [m]."""
+    if result.true_motions is None:
         return None
-    return float(np.nansum(np.hypot(odometry.true_motions[:, 0], odometry.true_motions[:, 1])))
+    return float(np.nansum(np.hypot(result.true_motions[:, 0], result.true_motions[:, 1])))

@@ -1,10 +1,11 @@
-"""Odometry over a folder of scans: every pair in order, failures kept as results.
+"""Runs an odometry over a folder of scans: every pair in order; failed pairs are kept as results.
 
-The run follows KISS-ICP's (Vizzo et al., RA-L 2023): one pass, then figures and files. A pair that fails
-counts as no motion in the trajectory and in every figure; none is left out.
+As in KISS-ICP (Vizzo et al., RA-L 2023) there is one pass, then metrics and files. A pair that fails counts
+as no motion in the trajectory and in every metric; none is left out.
 """
 
 import logging
+import math
 import statistics
 import time
 from collections.abc import Callable
@@ -22,19 +23,21 @@ from echoscape.sim.datasets.scan_folder import ScanFolder
 from echoscape.sim.datasets.se2 import chain, from_world, relative
 
 _LOG = logging.getLogger(__name__)
-_SHORTEST_S = 1e-9
+_MIN_SECONDS = 1e-9
 
 Progress = Callable[[str, int, int], None]
-"""Called with a stage's name, how much of it is done, and how much there is."""
+"""Called with a stage (pairs), how much of it is done, and how much there is to do."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pair:
-    """What became of a pair of successive scans.
+class PairResult:
+    """The result of a pair of successive scans.
 
-    motion: of the later in the earlier one's frame, None where it failed; failure: why; matches: how many
-    points it was made from, None where the estimator matches none; seconds: from the later scan in memory to
-    the pose [s], a new beginning included where there is none.
+    Attributes:
+        motion: Pose of the later scan in the frame of the earlier one, None if the pair failed.
+        failure: Why it failed, None if it did not.
+        matches: Number of matched points, None if the method matches no points.
+        seconds: Time from the later scan in memory to the pose, that of a new start included [s].
     """
 
     motion: PairMotion | None
@@ -44,23 +47,44 @@ class Pair:
 
 
 @dataclass(frozen=True, kw_only=True)
+class WorstPair:
+    """The worst pair of a run, by the largest translation error where the truth is known.
+
+    Attributes:
+        index: Number of the pair, from 0.
+        motion: Its motion, with its matched points.
+        criterion: Why it counts as the worst.
+    """
+
+    index: int
+    motion: PairMotion
+    criterion: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class OdometryResult:
     """The odometry of N scans.
 
-    method: name of the estimator; names (N,): numbers that name the scans' files; middle_us (N,) int64:
-    mid-scan, the time of a pose [us]; pairs: N - 1; truth (N, 3): true poses at mid-scan, x, y [m], yaw
-    [rad] in Oxford axes, NaN where unknown, None where the folder has none.
+    Attributes:
+        method: Name of the method.
+        names: Numbers that name the scans' files (N,).
+        middle_us: Time at mid-scan, to which poses refer (N,) int64 [us].
+        pairs: Results of the N - 1 pairs.
+        truth: True poses at mid-scan (N, 3): x, y [m], yaw [rad] in Oxford axes; NaN where unknown, None if
+            the folder has none.
+        worst: The worst pair that did not fail, None if all failed.
     """
 
     method: str
     names: tuple[int, ...]
     middle_us: NDArray[np.int64]
-    pairs: tuple[Pair, ...]
+    pairs: tuple[PairResult, ...]
     truth: NDArray[np.float64] | None
+    worst: WorstPair | None = None
 
     @cached_property
     def motions(self) -> NDArray[np.float64]:
-        """Motions (N - 1, 3): x, y [m], yaw [rad]; none where a pair failed."""
+        """Motions (N - 1, 3): x, y [m], yaw [rad]; 0 where a pair failed."""
         found = [
             (0.0, 0.0, 0.0)
             if pair.motion is None
@@ -71,117 +95,134 @@ class OdometryResult:
 
     @cached_property
     def poses(self) -> NDArray[np.float64]:
-        """Poses (N, 3) in the frame of the first scan."""
+        """Poses (N, 3) in the frame of the first scan: x, y [m], yaw [rad]."""
         return chain(self.motions)
 
     @cached_property
     def true_motions(self) -> NDArray[np.float64] | None:
-        """True motions (N - 1, 3), NaN where unknown."""
+        """True motions (N - 1, 3): x, y [m], yaw [rad]; NaN where unknown."""
         return None if self.truth is None else relative(self.truth[:-1], self.truth[1:])
 
     @cached_property
     def failed(self) -> NDArray[np.bool_]:
-        """Whether each pair (N - 1,) failed."""
+        """Whether each pair failed (N - 1,)."""
         return np.array([pair.motion is None for pair in self.pairs], bool)
 
     @cached_property
     def known(self) -> NDArray[np.bool_]:
-        """Whether the true pose of each scan (N,) is known."""
+        """Whether the true pose of each scan is known (N,)."""
         if self.truth is None:
             return np.zeros(len(self.names), np.bool_)
         return ~np.isnan(self.truth).any(axis=1).reshape(-1)
 
     @property
-    def hz(self) -> float | None:
-        """Pairs a second, from a scan in memory to its pose; None if no pair came to one.
+    def pairs_per_s(self) -> float | None:
+        """Pairs per second, from a scan in memory to its pose [1/s]; None if every pair failed.
 
-        The first pair, which pays for the start, counts only where it is the only one.
+        The first pair, which includes the start-up, counts only if it is the only one.
         """
         timed = [pair.seconds for pair in self.pairs if pair.motion is not None]
         timed = timed[1:] or timed
-        return len(timed) / max(sum(timed), _SHORTEST_S) if timed else None
+        return len(timed) / max(sum(timed), _MIN_SECONDS) if timed else None
 
 
 def run_odometry(
-    folder: ScanFolder, estimator: OdometryMethod[State], *, progress: Progress | None = None
+    folder: ScanFolder, method: OdometryMethod[State], *, progress: Progress | None = None
 ) -> OdometryResult:
-    """Return the odometry of a folder's scans.
+    """Run an odometry over the scans of a folder.
 
-    A scan that cannot be read or compared fails the pairs that it belongs to, and the run begins again after.
+    A scan that cannot be read or compared fails the pairs that it belongs to, and the run starts again after
+    it.
+
+    Args:
+        folder: The folder, with truth or without.
+        method: The odometry.
+        progress: Called with stage, done and total.
+
+    Returns:
+        The result of every pair.
 
     Raises:
-        DatasetError: the folder has fewer than two scans, or its truth cannot be read.
+        DatasetError: The folder has fewer than two scans, or its truth cannot be read.
     """
     if len(folder) < 2:
         raise DatasetError(f"{folder.folder}: odometry needs 2 scans or more, found {len(folder)}")
-    truth = folder.poses()
-    walk = _Walk(folder, estimator)
+    world = folder.poses()
+    truth = None if world is None else from_world(world)
+    drive, worst = _Drive(folder, method), _WorstSoFar(truth)
     report = progress or (lambda stage, done, total: None)
     report("pairs", 0, len(folder) - 1)
-    walk.begin(0, walk.read(0))
+    drive.start(0, drive.read(0))
     pairs = []
     for index in range(1, len(folder)):
-        pairs.append(walk.on(index))
+        pair, motion = drive.step(index)
+        pairs.append(pair)
+        worst.update(index - 1, motion)
         report("pairs", index, len(folder) - 1)
     return OdometryResult(
-        method=estimator.name,
+        method=method.name,
         names=tuple(int(stem) for stem in folder.stems),
-        middle_us=_middles_us(folder.timestamps_us, walk.middles_us),
+        middle_us=_middle_times_us(folder.timestamps_us, drive.middle_us),
         pairs=tuple(pairs),
-        truth=None if truth is None else from_world(truth),
+        truth=truth,
+        worst=worst.found,
     )
 
 
-class _Walk(Generic[State]):
-    """One pass over a folder; `middles_us` gathers mid-scan times, None of scans that cannot be read."""
+class _Drive(Generic[State]):
+    """One pass over a folder; `middle_us` gathers mid-scan times, None for scans that cannot be read."""
 
-    def __init__(self, folder: ScanFolder, estimator: OdometryMethod[State]) -> None:
-        self._folder, self._estimator = folder, estimator
+    def __init__(self, folder: ScanFolder, method: OdometryMethod[State]) -> None:
+        self._folder, self._method = folder, method
         self._state: State | None = None
         self._failure: str | None = None
-        self.middles_us: list[int | None] = []
+        self.middle_us: list[int | None] = []
 
     def read(self, index: int) -> PolarScan | None:
-        """Return scan `index`, or None and the failure of what it belongs to."""
+        """Return scan `index`; if it cannot be read, None, and keep the error for the pairs that it fails."""
         try:
             scan = self._folder.read(index)
         except DatasetError as error:
-            self.middles_us.append(None)
+            self.middle_us.append(None)
             self._state, self._failure = None, str(error)
             return None
-        self.middles_us.append((int(scan.timestamp_us[0]) + int(scan.timestamp_us[-1])) // 2)
+        self.middle_us.append((int(scan.timestamp_us[0]) + int(scan.timestamp_us[-1])) // 2)
         return scan
 
-    def begin(self, index: int, scan: PolarScan | None) -> None:
-        """Begin, or begin again, with scan `index`, if it could be read."""
+    def start(self, index: int, scan: PolarScan | None) -> None:
+        """Start, or start again, with scan `index`, if it could be read."""
         if scan is None:
             return
         try:
-            self._state, self._failure = self._estimator.start(scan), None
+            self._state, self._failure = self._method.start(scan), None
         except PairFailed as error:
             self._state, self._failure = None, f"scan {self._folder.paths[index].name}: {error}"
 
-    def on(self, index: int) -> Pair:
-        """Go on to scan `index` and return what becomes of it and the one before."""
+    def step(self, index: int) -> tuple[PairResult, PairMotion | None]:
+        """Process scan `index`; return the result of its pair, and the motion with its matched points."""
         before, failure = self._state, self._failure
         scan = self.read(index)
-        start = time.perf_counter()
+        begun = time.perf_counter()
         motion = None
         if before is not None and scan is not None:
             motion, failure = self._motion(before, scan)
         if motion is None:
-            self.begin(index, scan)
+            self.start(index, scan)
             failure = self._failure or failure
             _LOG.warning("pair %d failed: %s", index - 1, failure)
-        matches = None if motion is None or motion.matches is None else len(motion.matches.weights)
-        # Some hundred points a pair would fill the memory of a long drive.
-        kept = None if motion is None else replace(motion, matches=None)
-        return Pair(motion=kept, failure=failure, matches=matches, seconds=time.perf_counter() - start)
+        pair = PairResult(
+            # Without the matched points: some hundred a pair would fill the memory of a long drive.
+            motion=None if motion is None else replace(motion, matches=None),
+            failure=failure,
+            matches=None if motion is None or motion.matches is None else len(motion.matches.weights),
+            seconds=time.perf_counter() - begun,
+        )
+        return pair, motion
 
     def _motion(self, before: State, scan: PolarScan) -> tuple[PairMotion | None, str | None]:
-        """Return the motion, or why there is none."""
+        """Return the motion, or None and why there is none."""
         try:
-            motion, state = self._estimator.follow(before, scan)
+            motion, state = self._method.follow(before, scan)
         except PairFailed as error:
             return None, str(error)
         if not motion.is_finite:
@@ -190,14 +231,41 @@ class _Walk(Generic[State]):
         return motion, None
 
 
-def _middles_us(names_us: NDArray[np.int64], middles_us: list[int | None]) -> NDArray[np.int64]:
-    """Return mid-scan times (N,); where a scan could not be read, as far from its name as others' are."""
+class _WorstSoFar:
+    """Finds the worst pair of a run: by error with truth, else by match weight, else by motion."""
+
+    def __init__(self, truth: NDArray[np.float64] | None) -> None:
+        self._truth = truth
+        self._rank: tuple[int, float] | None = None
+        self.found: WorstPair | None = None
+
+    def update(self, index: int, motion: PairMotion | None) -> None:
+        """Consider pair `index`; failed pairs (None) have nothing to show."""
+        if motion is None:
+            return
+        *rank, criterion = self._ranked(index, motion)
+        if self._rank is None or tuple(rank) > self._rank:
+            self._rank = (rank[0], rank[1])
+            self.found = WorstPair(index=index, motion=motion, criterion=criterion)
+
+    def _ranked(self, index: int, motion: PairMotion) -> tuple[int, float, str]:
+        """Return how bad a pair is, as a rank of the criterion, a value of it, and its name."""
+        if self._truth is not None and np.isfinite(self._truth[index : index + 2]).all():
+            true_x, true_y, _ = relative(self._truth[index], self._truth[index + 1]).tolist()
+            return 2, math.hypot(motion.x_m - true_x, motion.y_m - true_y), "largest translation error"
+        if motion.matches is not None:
+            return 1, -float(motion.matches.weights.sum()), "lowest sum of match weights"
+        return 0, math.hypot(motion.x_m, motion.y_m), "largest motion"
+
+
+def _middle_times_us(names_us: NDArray[np.int64], middle_us: list[int | None]) -> NDArray[np.int64]:
+    """Return mid-scan times (N,); where a scan could not be read, its name plus the others' median offset."""
     known = [
-        middle - int(name) for middle, name in zip(middles_us, names_us, strict=True) if middle is not None
+        middle - int(name) for middle, name in zip(middle_us, names_us, strict=True) if middle is not None
     ]
     offset = round(statistics.median(known)) if known else 0
     times = [
         int(name) + offset if middle is None else middle
-        for middle, name in zip(middles_us, names_us, strict=True)
+        for middle, name in zip(middle_us, names_us, strict=True)
     ]
     return np.array(times, np.int64)

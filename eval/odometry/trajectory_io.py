@@ -14,11 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text
 
 _ROTATION_TOLERANCE = 0.01
-"""How far R R^T may be from 1: files with three decimals pass, what is no rotation does not."""
+"""Largest deviation of R R^T from 1: files with three decimals pass."""
 
 
 def matrices(poses: ArrayLike) -> NDArray[np.float64]:
-    """Return planar poses (N, 3) as (N, 4, 4): a turn by yaw about z and a shift in the plane."""
+    """Convert planar poses to matrices.
+
+    Args:
+        poses: Poses (N, 3): x, y [m], yaw [rad].
+
+    Returns:
+        Matrices (N, 4, 4): a rotation by yaw about z and a translation in the plane.
+    """
     x, y, yaw = np.moveaxis(np.asarray(poses, np.float64), -1, 0)
     found = np.zeros((*x.shape, 4, 4))
     found[..., 0, 0] = found[..., 1, 1] = np.cos(yaw)
@@ -33,22 +40,35 @@ def matrices(poses: ArrayLike) -> NDArray[np.float64]:
 
 
 def kitti_text(poses: NDArray[np.float64]) -> str:
-    """Return poses (N, 4, 4) as lines of twelve numbers: their upper 3 x 4, row by row."""
+    """Write poses in KITTI's format.
+
+    Args:
+        poses: Poses (N, 4, 4).
+
+    Returns:
+        A line of twelve numbers for each pose: its upper 3 x 4 part, row by row.
+    """
     return "".join(" ".join(f"{value + 0.0:.12f}" for value in each[:3].ravel()) + "\n" for each in poses)
 
 
 def read_kitti(path: Path) -> NDArray[np.float64]:
-    """Return the poses (N, 4, 4) in a file of lines of twelve numbers.
+    """Read poses in KITTI's format.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Poses (N, 4, 4).
 
     Raises:
-        DatasetError: the file is absent or empty, or a line is no pose; the message names both.
+        DatasetError: The file is absent or empty, or a line is no pose; the message names both.
     """
     numbers = _numbers(path, count=12)
     poses = np.tile(np.eye(4), (len(numbers), 1, 1))
     poses[:, :3] = numbers.reshape(-1, 3, 4)
     rotations = poses[:, :3, :3]
-    off = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    wrong = (off > _ROTATION_TOLERANCE) | (np.linalg.det(rotations) < 0)
+    deviation = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    wrong = (deviation > _ROTATION_TOLERANCE) | (np.linalg.det(rotations) < 0)
     if wrong.any():
         raise DatasetError(
             f"{path}: line {int(np.argmax(wrong)) + 1} is no pose: its 3 x 3 part is no rotation"
@@ -57,10 +77,17 @@ def read_kitti(path: Path) -> NDArray[np.float64]:
 
 
 def tum_text(times_us: Sequence[int] | NDArray[np.int64], poses: NDArray[np.float64]) -> str:
-    """Return poses (N, 4, 4) as lines `t x y z qx qy qz qw`, t in seconds with six decimals.
+    """Write poses in TUM's format.
+
+    Args:
+        times_us: Times (N,) [us].
+        poses: Poses (N, 4, 4).
+
+    Returns:
+        A line `t x y z qx qy qz qw` for each pose, t in seconds with six decimals.
 
     Raises:
-        ValueError: there are not as many times as poses.
+        ValueError: The numbers of times and poses differ.
     """
     if len(times_us) != len(poses):
         raise ValueError(f"times_us must be as many as the poses, {len(poses)}, got {len(times_us)}")
@@ -73,12 +100,16 @@ def tum_text(times_us: Sequence[int] | NDArray[np.int64], poses: NDArray[np.floa
 
 
 def read_tum(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return times (N,) [us] and poses (N, 4, 4) of a file of lines `t x y z qx qy qz qw`.
+    """Read poses in TUM's format, in which # begins a comment.
 
-    # begins a comment.
+    Args:
+        path: The file.
+
+    Returns:
+        Times (N,) [us] and poses (N, 4, 4).
 
     Raises:
-        DatasetError: the file is absent or empty, or a line is no pose; the message names both.
+        DatasetError: The file is absent or empty, or a line is no pose; the message names both.
     """
     numbers = _numbers(path, count=8)
     length = np.linalg.norm(numbers[:, 4:], axis=1)
@@ -116,7 +147,7 @@ def _quaternion(rotation: NDArray[np.float64]) -> tuple[float, float, float, flo
     """Return x, y, z, w >= 0 of a rotation (3, 3), from its largest component (Shepperd 1978)."""
     r = rotation
     trace = np.trace(r)
-    # 4 q q^T for q = (x, y, z, w); its strongest column is the steadiest one.
+    # 4 q q^T for q = (x, y, z, w); its largest column is numerically the most stable one.
     outer = np.array(
         [
             [1 + 2 * r[0, 0] - trace, r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]],

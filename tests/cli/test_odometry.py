@@ -51,9 +51,9 @@ def test_run_writes_motion_figures_and_pictures(
     assert "none failed" in said
     assert str(out / "metrics.json") in said
     found = json.loads((out / "metrics.json").read_text())
-    assert (found["method"], found["pairs"], found["failed"]) == ("fourier", 1, 0)
-    assert found["pair_translation_m"] < 0.1
-    assert found["pair_rotation_deg"] < 0.45
+    assert (found["method"], found["pairs"], found["failed_pairs"]) == ("fourier", 1, 0)
+    assert found["translation_error_m_mean"] < 0.1
+    assert found["rotation_error_deg_mean"] < 0.45
     assert read_odometry(out / "odometry.csv")[0].x == pytest.approx(MOTION[0], abs=0.1)
     for name in ("trajectory.png", "pairs.png", "matches.png"):
         assert (out / name).read_bytes().startswith(b"\x89PNG")
@@ -64,7 +64,7 @@ def test_learned_run_tells_its_matches(points: Path, weights: Path, tmp_path: Pa
     out = tmp_path / "out"
     assert main(["odometry", str(points), "--out", str(out), "--weights", str(weights)]) == 0
     found = json.loads((out / "metrics.json").read_text())
-    assert (found["method"], found["pairs"], found["failed"]) == ("learned", 1, 0)
+    assert (found["method"], found["pairs"], found["failed_pairs"]) == ("learned", 1, 0)
     line = (out / "pairs.csv").read_text().splitlines()[1].split(",")
     assert line[5] == "16"  # 4 x 4 keypoints
     assert (out / "matches.png").is_file()
@@ -130,8 +130,8 @@ def test_run_in_which_every_pair_fails_is_written_and_fails(
     assert "1 failed" in told.out
     assert str(broken) in told.err.splitlines()[-1]
     found = json.loads((out / "metrics.json").read_text())
-    assert (found["pairs"], found["failed"], found["judged"]) == (1, 1, 0)
-    assert found["hz"] is None
+    assert (found["pairs"], found["failed_pairs"], found["pairs_with_truth"]) == (1, 1, 0)
+    assert found["pairs_per_s"] is None
     assert not (out / "matches.png").exists()
 
 
@@ -148,3 +148,30 @@ def test_what_is_wrong_is_told(points: Path, tmp_path: Path, capsys: pytest.Capt
     place = str(tmp_path / "file")
     assert "OUT must be a folder" in refusal(capsys, str(points), "--out", place, "--method", "fourier")
     assert not Path(out).exists()
+
+
+def test_the_number_of_threads_does_not_change_a_byte(points: Path, tmp_path: Path) -> None:
+    """By the bundled weights, at 320 pixels: large enough that two threads share the work."""
+    for threads in ("1", "2"):
+        assert main(["odometry", str(points), "--out", str(tmp_path / threads), "--threads", threads]) == 0
+        assert torch.get_num_threads() == int(threads)
+    for name in ("odometry.csv", "trajectory.txt", "trajectory.tum", "pairs.csv"):
+        one, two = ((tmp_path / threads / name).read_bytes() for threads in ("1", "2"))
+        assert one == two, name
+
+
+def test_one_thread_is_the_default(points: Path, weights: Path, tmp_path: Path) -> None:
+    torch.set_num_threads(2)
+    assert main(["odometry", str(points), "--out", str(tmp_path / "out"), "--weights", str(weights)]) == 0
+    assert torch.get_num_threads() == 1
+
+
+def test_threads_and_devices_that_are_none_are_refused(
+    points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ("--out", str(tmp_path / "out"))
+    assert "threads must be 1 or more, got 0" in refusal(capsys, str(points), *out, "--threads", "0")
+    assert "--device" in refusal(capsys, str(points), *out, "--device", "moon")
+    if not torch.cuda.is_available():
+        assert "PyTorch finds no CUDA device" in refusal(capsys, str(points), *out, "--device", "cuda")
+    assert not (tmp_path / "out").exists()

@@ -54,7 +54,7 @@ def opened(folder: Path) -> ScanFolder:
 
 
 class Knowing:
-    """An estimator that knows the drive, but for `failing` pairs; `seen` has the scans that it described."""
+    """A method that knows the drive, but fails at some pairs; `seen` has the scans that it was given."""
 
     def __init__(self, motions: Sequence[Motion], *, failing: Sequence[int] = (), blind: int = -1) -> None:
         self.motions, self.failing, self.blind = motions, failing, blind
