@@ -1,1 +1,26 @@
-"""Scans become keypoints, motion and places."""
+"""Learned keypoints: scans become keypoints, matches, motion and descriptions of places.
+
+Public names are imported on first use; most need PyTorch (`pip install "echoscape[learn]"`).
+"""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from echoscape.learn.model.keypoint_model import KeypointModel as KeypointModel
+    from echoscape.learn.model.weights import read_weights as read_weights
+    from echoscape.learn.odometry.keyframe_odometry import KeyframeOdometry as KeyframeOdometry
+    from echoscape.learn.odometry.scan_matcher import ScanMatcher as ScanMatcher
+    from echoscape.learn.training.trainer import train as train
+else:
+    from lazy_loader import attach
+
+    __getattr__, __dir__, __all__ = attach(
+        __name__,
+        submod_attrs={
+            "model.keypoint_model": ["KeypointModel"],
+            "model.weights": ["read_weights"],
+            "odometry.keyframe_odometry": ["KeyframeOdometry"],
+            "odometry.scan_matcher": ["ScanMatcher"],
+            "training.trainer": ["train"],
+        },
+    )

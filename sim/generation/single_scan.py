@@ -1,0 +1,80 @@
+"""One scan from a preset and a seed: the world, the drive and the traffic are built on the way.
+
+A scan has the bytes that the same scan of a data set has, so that a test can start from a line of Python and
+later read the folder that `echoscape simulate` writes.
+"""
+
+from functools import lru_cache
+
+from echoscape.sim.datasets.polar_scan import PolarScan
+from echoscape.sim.generation.config import DEFAULT_PRESET, SimulationConfig
+from echoscape.sim.generation.setup import add_traffic, build_scene
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.sensor import Sensor
+from echoscape.sim.settings.artefacts import Artefacts
+from echoscape.sim.simulator import Simulator
+
+DEFAULT_SCANS = SimulationConfig(preset="empty").scans
+
+
+def scan(
+    preset: str = DEFAULT_PRESET,
+    *,
+    seed: int = 0,
+    index: int = 0,
+    scans: int = DEFAULT_SCANS,
+    sensor: Sensor = CTS350X,
+    artefacts: Artefacts | None = None,
+) -> PolarScan:
+    """Simulate one scan of a drive through a procedural world, with its truth.
+
+    Building the world takes seconds; it is kept for the next call with the same arguments but `index`.
+
+    Args:
+        preset: Kind of world: town, suburb, industrial, motorway, open or empty.
+        seed: Seed of the world, the drive, the traffic, rays, speckle and noise.
+        index: Number of the scan, from 0.
+        scans: Scans of the whole drive, as in `echoscape simulate --scans`.
+        sensor: The radar.
+        artefacts: Strengths of the artefacts; None is the sensor as it is, in dry weather.
+
+    Returns:
+        Scan `index` of the data set that `echoscape simulate` writes with these settings.
+
+    Raises:
+        ValueError: `index` is not below `scans`, or another argument cannot be simulated.
+    """
+    if not 0 <= index < scans:
+        raise ValueError(f"index must be from 0 to scans - 1 ({scans - 1}), got {index}")
+    config = SimulationConfig(
+        preset=preset, seed=seed, scans=scans, sensor=sensor, artefacts=artefacts or Artefacts()
+    )
+    return _simulator(config).scan(index)
+
+
+def build_simulator(config: SimulationConfig) -> Simulator:
+    """Build the world of a configuration and load it into the ray tracer.
+
+    Args:
+        config: The configuration.
+
+    Returns:
+        The simulator of its scans.
+
+    Raises:
+        SceneError: A custom scene is broken, or its drive too short or obstructed.
+    """
+    setup = add_traffic(build_scene(config), config)
+    return Simulator(
+        setup.scene,
+        setup.drive,
+        setup.movers,
+        seed=config.seed,
+        sensor=config.sensor,
+        settings=config.trace,
+        artefacts=config.artefacts,
+        surfaces=config.surfaces,
+    )
+
+
+_simulator = lru_cache(maxsize=1)(build_simulator)

@@ -1,0 +1,37 @@
+"""One scan by preset and seed is the scan of the data set of the same settings."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from echoscape.sim.datasets.scan_folder import open_folder
+from echoscape.sim.generation.config import SimulationConfig
+from echoscape.sim.generation.dataset import write_dataset
+from echoscape.sim.generation.single_scan import DEFAULT_SCANS, scan
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.settings.artefacts import Artefacts
+
+FEW = replace(CTS350X, azimuths=40, encoder_per_turn=5600)
+
+
+def test_scan_equals_that_of_the_data_set(tmp_path: Path) -> None:
+    settings = {"preset": "empty", "seed": 3, "scans": 3, "sensor": FEW, "artefacts": Artefacts(rain=5.0)}
+    write_dataset(tmp_path / "set", SimulationConfig(**settings))
+    folder = open_folder(tmp_path / "set")
+    for index in (2, 0):
+        found = scan(index=index, **settings)
+        assert found == replace(folder.read(index), truth=found.truth)
+        assert found.truth == folder.truth(index)
+    assert scan(index=1, **settings) != scan(index=2, **settings)
+
+
+@pytest.mark.parametrize("index", [-1, DEFAULT_SCANS])
+def test_index_outside_of_the_drive_is_refused(index: int) -> None:
+    with pytest.raises(ValueError, match=rf"index must be from 0 to scans - 1 \({DEFAULT_SCANS - 1}\)"):
+        scan("empty", seed=1, index=index)
+
+
+def test_unknown_preset_is_refused() -> None:
+    with pytest.raises(ValueError, match="preset must be one of"):
+        scan("moon", seed=1)

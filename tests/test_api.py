@@ -1,0 +1,97 @@
+"""The public names: imported on first use, typed, and listed in docs/api.md with an example each."""
+
+import ast
+import json
+import re
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import echoscape
+from tests.paths import ROOT
+
+HEAVY = ("torch", "drjit", "mitsuba", "matplotlib")
+PACKAGES = ("echoscape", "echoscape.scenes", "echoscape.sim", "echoscape.learn", "echoscape.eval")
+NAMES = [f"{package}.{name}" for package in PACKAGES for name in import_module(package).__all__]
+PAGE = (ROOT / "docs" / "api.md").read_text()
+
+
+def _loaded_by(code: str) -> set[str]:
+    """Return the top-level modules that a fresh interpreter has loaded after some code."""
+    report = "; import sys, json; print(json.dumps(sorted({name.split('.')[0] for name in sys.modules})))"
+    command = [sys.executable, "-c", code + report]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60, cwd="/")
+    return set(json.loads(done.stdout))
+
+
+@pytest.mark.parametrize("package", [*PACKAGES, "echoscape.cli"])
+def test_importing_a_package_loads_nothing_heavy(package: str) -> None:
+    assert _loaded_by(f"import {package}").isdisjoint((*HEAVY, "numpy"))
+
+
+@pytest.mark.parametrize(
+    "name", ["Artefacts", "Sensor", "PolarScan", "EchoFilter", "open_folder", "kitti_drift"]
+)
+def test_names_that_trace_no_rays_load_neither_ray_tracer_nor_torch(name: str) -> None:
+    assert _loaded_by(f"import echoscape; echoscape.{name}").isdisjoint(HEAVY)
+
+
+def test_a_name_that_needs_the_ray_tracer_loads_it() -> None:
+    assert {"drjit", "mitsuba"} <= _loaded_by("import echoscape; echoscape.Simulator")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_public_name_is_there_listed_and_shown(name: str) -> None:
+    package, _, attribute = name.rpartition(".")
+    module = import_module(package)
+    assert getattr(module, attribute) is getattr(module, attribute)
+    assert attribute in dir(module)
+    assert re.search(rf"^\| `{re.escape(name)}` \| \S.* \| `.*\b{attribute}\b.*` \|$", PAGE, re.MULTILINE)
+
+
+def test_the_page_lists_nothing_else() -> None:
+    assert sorted(re.findall(r"^\| `(echoscape\.[\w.]+)` \|", PAGE, re.MULTILINE)) == sorted(NAMES)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_type_checkers_see_the_names_that_are_imported(package: str) -> None:
+    source = Path(str(import_module(package).__file__)).read_text()
+    (branch,) = (node for node in ast.parse(source).body if isinstance(node, ast.If))
+    typed = set()
+    for node in branch.body:
+        if isinstance(node, ast.ImportFrom):
+            typed |= {alias.asname for alias in node.names if alias.asname == alias.name}
+        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+            target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
+            typed.add(ast.unparse(target))
+    assert typed == set(import_module(package).__all__)
+
+
+def test_unknown_names_are_refused() -> None:
+    with pytest.raises(AttributeError, match="'echoscape' has no attribute 'nothing'"):
+        getattr(echoscape, "nothing")  # noqa: B009
+
+
+def test_no_folder_of_the_checkout_hides_the_package() -> None:
+    assert not (ROOT / "echoscape").exists()
+    assert (ROOT / "api" / "py.typed").is_file()
+
+
+@pytest.mark.slow
+def test_pyright_sees_real_types(tmp_path: Path) -> None:
+    (tmp_path / "use.py").write_text(
+        "import echoscape\nimport echoscape.sim\n"
+        "reveal_type(echoscape.scan('town', seed=7))\nreveal_type(echoscape.Artefacts(ghosts=0).ghosts)\n"
+        "reveal_type(echoscape.sim.write_dataset)\nechoscape.nothing\n"
+    )
+    command = [Path(sys.executable).with_name("pyright"), "--outputjson", "--pythonpath", sys.executable]
+    done = subprocess.run([*command, "use.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    said = [each["message"] for each in json.loads(done.stdout)["generalDiagnostics"]]
+    assert re.search(r'is "PolarScan"$', said[0])
+    assert re.search(r'is "float( \| None)?"$', said[1])
+    assert re.search(r'is "\(out: Path, config: SimulationConfig', said[2])
+    assert '"nothing" is not a known attribute of module "echoscape"' in said[3]
+    assert len(said) == 4
