@@ -1,4 +1,4 @@
-"""Ablations of one traced scan: the bytes of a simulator of their own each."""
+"""One pipeline: settings that share steps get the bytes of separate simulators, and each step runs once."""
 
 from dataclasses import fields, replace
 
@@ -7,6 +7,7 @@ import pytest
 
 from echoscape.sim import simulator as scan
 from echoscape.sim.datasets.polar_scan import PolarScan
+from echoscape.sim.effects.echo_filter import EchoFilter
 from echoscape.sim.receiver.receiver import received
 from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.sim.settings.tracing import TraceSettings
@@ -66,7 +67,7 @@ def test_without_truth_the_codes_stay(together: list[PolarScan]) -> None:
 
 
 def test_settings_in_another_order_are_the_same_scans(together: list[PolarScan]) -> None:
-    # More strengths than the receiver keeps results of, so that some are made anew.
+    # More strengths than the receiver keeps results of, so that some are computed again.
     swept = [Artefacts(leakage=k % 2, phase_noise=0.01 * (1 + k)) for k in range(6)]
     made = simulator()
     there, back = made.scans(1, [*swept, Artefacts()]), made.scans(1, [Artefacts(), *swept[::-1]])
@@ -79,17 +80,17 @@ def test_settings_in_another_order_are_the_same_scans(together: list[PolarScan])
     np.testing.assert_array_equal(there[6].codes, together[0].codes)
 
 
-def test_settings_as_strong_are_one_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_settings_of_equal_strengths_are_one_scan(monkeypatch: pytest.MonkeyPatch) -> None:
     made = simulator()
     count = []
     monkeypatch.setattr(scan, "received", lambda *a, **k: count.append(1) or received(*a, **k))
-    own = Artefacts(phase_noise=made.sensor.phase_noise_rad, doppler=made.sensor.doppler_beta_s)
-    scans = made.scans(0, [Artefacts(), own, Artefacts(leakage=0.0), Artefacts()], truth=False)
+    same = Artefacts(phase_noise=made.sensor.phase_noise_rad, doppler=made.sensor.doppler_beta_s)
+    scans = made.scans(0, [Artefacts(), same, Artefacts(leakage=0.0), Artefacts()], truth=False)
     assert len(count) == 2
     assert scans[0] is scans[1] is scans[3]
 
 
-def test_world_is_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scene_is_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
     made = simulator()
     count = []
     trace = made._tracer.trace
@@ -100,3 +101,46 @@ def test_world_is_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(count) == 1
     made.scans(0, SETTINGS)
     assert len(count) == 4  # and once for each of movers and motion distortion
+
+
+def _counted(monkeypatch: pytest.MonkeyPatch, owner: object, name: str) -> list[int]:
+    """Count the calls of a function or method."""
+    calls, function = [], getattr(owner, name)
+    monkeypatch.setattr(owner, name, lambda *a, **k: calls.append(1) or function(*a, **k))
+    return calls
+
+
+def test_one_scan_has_one_state_and_one_launch_in_rain_and_interference(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = simulator(Artefacts(rain=10.0, interference=1.0))
+    states, poses, launches, movers = (
+        _counted(monkeypatch, owner, name)
+        for owner, name in (
+            (scan, "scan_state"),
+            (made._timeline, "poses"),
+            (made._tracer, "launch"),
+            (made._timeline, "movers"),
+        )
+    )
+    made.scan(0)
+    assert (len(states), len(poses), len(launches)) == (1, 1, 1)
+    assert len(movers) == 2  # within the range of the sensor, and within that of interference
+
+
+def test_scans_in_any_order_are_the_same(together: list[PolarScan]) -> None:
+    made = simulator()
+    made.scan(4)
+    again = made.scan(1)
+    np.testing.assert_array_equal(again.codes, together[0].codes)
+
+
+def test_given_echoes_are_not_traced_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = simulator(Artefacts(rain=10.0))
+    whole, echoes = made.scan(2), made.echoes(2)
+    traces, launches = (_counted(monkeypatch, made._tracer, name) for name in ("trace", "launch"))
+    given = made.scan(2, echoes=echoes)
+    np.testing.assert_array_equal(given.codes, whole.codes)
+    assert (len(traces), len(launches)) == (0, 1)  # rain needs to know how far the beam reaches
+    made.scan(2, echoes=echoes, without=EchoFilter(components=("rain",)))
+    assert len(launches) == 1

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from echoscape.scenes.core.scene import CLASSES, Mover, Scene, without
+from echoscape.scenes.core.scene import CLASSES, Mover, Scene, remove_instances
 from echoscape.scenes.core.target_meshes import with_targets
 from echoscape.scenes.core.targets import Target
 from echoscape.sim.datasets.polar_scan import Component
@@ -106,7 +106,7 @@ def test_every_surface_of_a_path_counts(traced: Echoes, whole: Simulator) -> Non
     van = EchoFilter(instances=(VAN,)).matches(traced, whole.instance_class)
     last = EchoFilter(instances=(VAN,), last_only=True).matches(traced, whole.instance_class)
     assert last.any()
-    assert (van & ~last).any()  # by way of the van to something else
+    assert (van & ~last).any()  # over the van to another object
     assert not (last & ~van).any()
     assert (traced.bounces[van & ~last] > 1).all()
     by_class = EchoFilter(classes=("van",)).matches(traced, whole.instance_class)
@@ -147,8 +147,8 @@ def test_only_and_without_part_the_echoes(traced: Echoes, whole: Simulator) -> N
     assert not np.isin(nothing.truth.cells.component, [Component.DIRECT, Component.GHOST]).any()
 
 
-def test_removed_thing_was_never_there(street: Scene, movers: tuple[Mover, ...]) -> None:
-    town, left = without(street, movers, {VAN})
+def test_removed_object_leaves_no_trace(street: Scene, movers: tuple[Mover, ...]) -> None:
+    town, left = remove_instances(street, movers, {VAN})
     assert left == ()
     gone = simulator(town, left).echoes(0)
     assert not np.isin(gone.returns.surfaces, [VAN]).any()
@@ -161,12 +161,12 @@ def test_removed_thing_was_never_there(street: Scene, movers: tuple[Mover, ...])
 
 
 def test_static_things_and_targets_can_be_removed(street: Scene) -> None:
-    town, _ = without(street, (), {WALL, POST})
+    town, _ = remove_instances(street, (), {WALL, POST})
     echoes = simulator(town, ()).echoes(0)
     assert set(np.unique(echoes.returns.surfaces)) <= {0, ROAD}
     assert town.targets == ()
     with pytest.raises(ValueError, match="instances must be of the town or its movers, got 99"):
-        without(street, (), {99})
+        remove_instances(street, (), {99})
 
 
 @pytest.mark.parametrize(

@@ -40,19 +40,19 @@ def two_rows(sensor: Sensor) -> Sensor:
     return replace(sensor, azimuths=2)
 
 
-def mixed(sensor: Sensor, row: int) -> NDArray[np.complex128]:
-    """Each chirp of RADAR times the sweep of a row, low-passed at fs / 2: (chirps, samples)."""
+def mixed(sensor: Sensor, azimuth: int) -> NDArray[np.complex128]:
+    """Each chirp of RADAR times the sweep of a azimuth, low-passed at fs / 2: (chirps, samples)."""
     samples, rate_hz = sensor.samples, sensor.sample_hz * FINER
     t = (np.arange(samples * FINER) - samples * FINER // 2) / rate_hz
-    slope = sensor.slope_hz_s * (1 if sensor.rising[row] else -1)
+    slope = sensor.slope_hz_s * (1 if sensor.rising[azimuth] else -1)
     found = []
     for number in range(400):
-        begin = RADAR.start_s + number * RADAR.period_s - TIMES_S[row]
+        begin = RADAR.start_s + number * RADAR.period_s - TIMES_S[azimuth]
         sent = (t >= begin) & (t <= begin + RADAR.duration_s)
         if not sent.any():
             continue
         s = t - begin
-        # From the frequency at s = 0 on; whole turns of the carrier before it are a constant phase.
+        # From the frequency at s = 0 on; whole cycles of the carrier before it are a constant phase.
         cycles = (RADAR.first_hz - sensor.carrier_hz) * s + RADAR.slope_hz_s * s**2 / 2 - slope * t**2 / 2
         spectrum = np.fft.fft(np.where(sent, np.exp(2j * np.pi * cycles), 0))
         kept = np.concatenate([spectrum[: samples // 2], spectrum[-samples // 2 :]]) / FINER
@@ -61,23 +61,23 @@ def mixed(sensor: Sensor, row: int) -> NDArray[np.complex128]:
 
 
 @pytest.mark.parametrize(
-    ("sensor", "row"), [(CTS350X, 0), (CTS350X, 1), (CIR304_RT, 0), (CIR304_RT, 1)], ids=str
+    ("sensor", "azimuth"), [(CTS350X, 0), (CTS350X, 1), (CIR304_RT, 0), (CIR304_RT, 1)], ids=str
 )
-def test_beat_is_that_of_a_plain_mixer(sensor: Sensor, row: int) -> None:
+def test_beat_is_that_of_a_plain_mixer(sensor: Sensor, azimuth: int) -> None:
     """But for each chirp's phase, which is drawn: found by least squares."""
     sensor, power_w = two_rows(replace(sensor, carrier_hz=CTS350X.carrier_hz)), 3e-12
     beats = interference(
         RADAR, sensor, power_w=np.full(2, power_w), times_s=TIMES_S, rng=np.random.default_rng(1)
     )
-    plain = mixed(sensor, row)
+    plain = mixed(sensor, azimuth)
     basis = np.concatenate([plain.real, -plain.imag])
-    weights, *_ = np.linalg.lstsq(basis.T, beats[row].astype(np.float64), rcond=None)
-    rest = beats[row] - weights @ basis
-    # A chirp's own ends splatter over all frequencies: some per cent of the energy.
-    assert np.sum(rest**2) < 0.05 * np.sum(beats[row] ** 2)
+    weights, *_ = np.linalg.lstsq(basis.T, beats[azimuth].astype(np.float64), rcond=None)
+    rest = beats[azimuth] - weights @ basis
+    # The ends of a chirp splatter over all frequencies: some per cent of the energy.
+    assert np.sum(rest**2) < 0.05 * np.sum(beats[azimuth] ** 2)
     crossing = np.sum(np.abs(plain) ** 2, axis=1) > 0.5 * sensor.sample_hz**2 / (RADAR.slope_hz_s * 2)
     size = np.hypot(*weights.reshape(2, -1))[crossing]
-    assert len(size) == np.isfinite(crossings(RADAR, sensor, TIMES_S)[row]).sum() >= 3
+    assert len(size) == np.isfinite(crossings(RADAR, sensor, TIMES_S)[azimuth]).sum() >= 3
     np.testing.assert_allclose(size, math.sqrt(2 * power_w), rtol=0.1)
 
 
@@ -105,25 +105,27 @@ def test_at_a_crossing_both_have_one_frequency(name: str) -> None:
     radar = drawn_radar(sensor, seed=3, instance=11)
     times_s = 0.1 + np.arange(sensor.azimuths, dtype=np.float64) * 625e-6
     when = crossings(radar, sensor, times_s)
-    row, _ = np.nonzero(np.isfinite(when))
-    assert len(row) > sensor.azimuths
+    azimuth, _ = np.nonzero(np.isfinite(when))
+    assert len(azimuth) > sensor.azimuths
     t = when[np.isfinite(when)]
-    phase_s = np.remainder(times_s[row] + t - radar.start_s, radar.period_s)
+    phase_s = np.remainder(times_s[azimuth] + t - radar.start_s, radar.period_s)
     assert (phase_s <= radar.duration_s + 1e-9).all()
-    own = sensor.carrier_hz + np.where(sensor.rising[row], 1, -1) * sensor.slope_hz_s * t
+    own = sensor.carrier_hz + np.where(sensor.rising[azimuth], 1, -1) * sensor.slope_hz_s * t
     np.testing.assert_allclose(radar.first_hz + radar.slope_hz_s * phase_s, own, atol=1e4)
     assert (abs(t) < sensor.sweep_s / 2).all()
 
 
 def share_of(place: list[float], yaw: float, sensor: Sensor = CTS350X) -> NDArray[np.float64]:
-    rows = sensor.azimuths
+    azimuths = sensor.azimuths
     poses = AzimuthPoses(
-        position=np.zeros((rows, 3)),
-        yaw=np.zeros(rows),
-        velocity=np.zeros((rows, 3)),
+        position=np.zeros((azimuths, 3)),
+        yaw=np.zeros(azimuths),
+        velocity=np.zeros((azimuths, 3)),
         azimuth_period_s=625e-6,
     )
-    return received_share(np.tile(place, (rows, 1)), np.full(rows, yaw), poses, sensor, Antenna(sensor))
+    return received_share(
+        np.tile(place, (azimuths, 1)), np.full(azimuths, yaw), poses, sensor, Antenna(sensor)
+    )
 
 
 def test_power_is_that_of_friis() -> None:
@@ -138,14 +140,14 @@ def test_power_is_that_of_friis() -> None:
     assert decibel(share_of([50.0, 0.0, 0.0], 0.0)[0]) == pytest.approx(found_db - 30, abs=0.01)
 
 
-def test_beam_is_one_way_and_follows_the_rows() -> None:
-    share = share_of([0.0, -50.0, 0.0], math.pi / 2)  # to the right: row 100 looks there
+def test_beam_is_one_way_and_follows_the_azimuths() -> None:
+    share = share_of([0.0, -50.0, 0.0], math.pi / 2)  # to the right: azimuth 100 looks there
     assert share.argmax() == 100
-    # Two-way -20 dB at 1.872 deg is -10 dB one way: 2 rows aside are 1.8 deg.
+    # Two-way -20 dB at 1.872 deg is -10 dB one way: 2 azimuths aside are 1.8 deg.
     assert decibel(share[102] / share[100]) == pytest.approx(-9.6, abs=0.8)
 
 
-def test_what_stands_on_the_vehicle_takes_half_its_two_way_loss() -> None:
+def test_objects_on_the_vehicle_cause_half_their_two_way_loss() -> None:
     sensor = replace(CTS350X, blocking_db=((0.0, 12.0), (360.0, 12.0)))
     ratio = share_of([50.0, 0.0, 0.0], math.pi, sensor) / share_of([50.0, 0.0, 0.0], math.pi)
     np.testing.assert_allclose(decibel(ratio), -6.0, atol=1e-6)
@@ -162,10 +164,10 @@ def facing(instance: int, x: float, y: float) -> Mover:
 
 
 def simulator(
-    movers: list[Mover], *things: tuple[str, str, Mesh], eirp_w: float, **artefacts: float | bool
+    movers: list[Mover], *objects: tuple[str, str, Mesh], eirp_w: float, **artefacts: float | bool
 ) -> Simulator:
     return Simulator(
-        world(*things),
+        world(*objects),
         standing(),
         movers,
         seed=6,
@@ -182,35 +184,35 @@ def added(made: Simulator) -> NDArray[np.float32]:
     return found
 
 
-def test_rows_that_look_there_rise_and_are_named() -> None:
+def test_azimuths_that_look_there_rise_and_are_labelled() -> None:
     # At 30 m 3 mW are 29 dB above the noise while in the band, for some hundredth of a sweep.
-    quiet, loud = (simulator([facing(5, 30, 0)], eirp_w=each).scan(0) for each in (0.0, 0.06))
-    rise_db = (loud.codes[:, 1500:3500].astype(float) - quiet.codes[:, 1500:3500]).mean(axis=1) / 2
+    quiet, interfered = (simulator([facing(5, 30, 0)], eirp_w=each).scan(0) for each in (0.0, 0.06))
+    rise_db = (interfered.codes[:, 1500:3500].astype(float) - quiet.codes[:, 1500:3500]).mean(axis=1) / 2
     assert rise_db[[399, 0, 1]].min() > 3
     assert np.abs(rise_db[20:380]).max() < 0.5
-    assert loud.truth is not None
-    named = (loud.truth.cells.component == Component.INTERFERENCE)[:, 1500:3500].mean(axis=1)
+    assert interfered.truth is not None
+    named = (interfered.truth.cells.component == Component.INTERFERENCE)[:, 1500:3500].mean(axis=1)
     assert named[0] > 0.5
     assert named[20:380].max() < 0.01
 
 
-def test_vehicle_behind_a_house_is_silent() -> None:
+def test_vehicle_behind_a_house_does_not_interfere() -> None:
     wall = ("concrete", "building", plate([15, 0, 5], [-1, 0], 20, 20))
     assert added(simulator([facing(5, 30, 0)], eirp_w=10.0)).any()
     assert not added(simulator([facing(5, 30, 0)], wall, eirp_w=10.0)).any()
 
 
-def test_vehicle_far_beyond_the_radars_own_range_is_heard() -> None:
+def test_vehicle_far_beyond_the_range_interferes() -> None:
     assert added(simulator([facing(5, 300, 0)], eirp_w=10.0)).any()
 
 
-def test_rain_takes_its_way_once() -> None:
+def test_rain_attenuates_one_way() -> None:
     dry, wet = (added(simulator([facing(5, 200, 0)], eirp_w=1.0, rain=each)) for each in (0.0, 100.0))
     # 29 dB/km over 198 m
     assert decibel(np.sum(dry**2) / np.sum(wet**2)) == pytest.approx(5.9, abs=0.5)
 
 
-def test_car_has_its_own_draws_whoever_else_is_there() -> None:
+def test_draws_of_a_vehicle_do_not_depend_on_the_others() -> None:
     cars = [facing(5, 30, 0), facing(6, 0, 30), facing(7, -30, 1)]
     alone = [added(simulator([each], eirp_w=1.0)) for each in cars]
     together = added(simulator(cars, eirp_w=1.0))
@@ -221,7 +223,7 @@ def test_car_has_its_own_draws_whoever_else_is_there() -> None:
     assert np.abs(alone[0] - alone[1]).max() > 0.1 * size
 
 
-def test_power_goes_by_the_eirp() -> None:
+def test_power_is_proportional_to_eirp() -> None:
     one, four = (added(simulator([facing(5, 30, 0)], eirp_w=each)) for each in (1.0, 4.0))
-    rows = one.any(axis=1)
-    np.testing.assert_allclose(four[rows], 2 * one[rows], rtol=1e-4, atol=1e-5 * np.abs(four).max())
+    azimuths = one.any(axis=1)
+    np.testing.assert_allclose(four[azimuths], 2 * one[azimuths], rtol=1e-4, atol=1e-5 * np.abs(four).max())

@@ -97,7 +97,7 @@ def test_way_there_and_back_is_twice_one_way() -> None:
 
 
 def whole_beam(sensor: Sensor, rate: float) -> NDArray[np.float32]:
-    """Mean power of rain (azimuths, bins) where nothing stands in the beam's way."""
+    """Mean power of rain (azimuths, bins) for an unobstructed beam."""
     clear = np.ones((sensor.azimuths, sensor.fft_size // 2), np.float32)
     return rain_power_w(sensor, Antenna(sensor), rate_mm_h=rate, clear=clear)
 
@@ -121,15 +121,15 @@ def test_rain_is_drawn_anew_with_its_mean_power() -> None:
     assert coherence < 0.02
 
 
-def test_what_stands_on_the_vehicle_hides_rain_as_well() -> None:
+def test_objects_on_the_vehicle_attenuate_rain_as_well() -> None:
     blocked = replace(SMALL, blocking_db=((0.0, 20.0), (100.0, 20.0), (100.1, 0.0), (360.0, 0.0)))
     lost_db = decibel(whole_beam(SMALL, 20.0)[:, 500] / whole_beam(blocked, 20.0)[:, 500])
-    np.testing.assert_allclose(lost_db, [20, 20, 20, 0, 0, 0, 0, 0], atol=1e-3)  # a row every 45 deg
+    np.testing.assert_allclose(lost_db, [20, 20, 20, 0, 0, 0, 0, 0], atol=1e-3)  # a azimuth every 45 deg
 
 
-def clear_share(*things: Thing, rays: int = 256) -> NDArray[np.float32]:
-    """Share of the beam (400, 4000) that gets as far as each decimetre."""
-    made = Simulator(world(*things), standing(), seed=4, settings=TraceSettings(rays=rays))
+def clear_share(*objects: Thing, rays: int = 256) -> NDArray[np.float32]:
+    """Share of the beam that reaches each decimetre (400, 4000)."""
+    made = Simulator(world(*objects), standing(), seed=4, settings=TraceSettings(rays=rays))
     revolution, dry = made.revolution(0), Artefacts()
     poses, movers = made._timeline.poses(revolution, dry), made._timeline.movers(revolution, dry)
     state = scan_state(made._scene, index=0, revolution=revolution, poses=poses, movers=movers)
@@ -164,9 +164,9 @@ def test_house_hides_the_rain_behind_it() -> None:
     assert rain[200].mean() > 0.7
 
 
-def scanned(rain: float, *things: Thing) -> PolarScan:
+def scanned(rain: float, *objects: Thing) -> PolarScan:
     return Simulator(
-        world(*things),
+        world(*objects),
         standing(),
         seed=4,
         settings=TraceSettings(rays=64),
@@ -178,10 +178,10 @@ def test_near_cells_are_rain_and_far_ones_are_as_without() -> None:
     dry, wet = scanned(0.0), scanned(40.0)
     assert wet.truth is not None
     near, far = slice(40, 80), slice(3000, 3768)
-    heard = wet.codes[:, near] > 0
+    received = wet.codes[:, near] > 0
     component = wet.truth.cells.component[:, near]
-    assert heard.mean() > 0.9
-    assert (component[heard] == Component.RAIN).mean() > 0.85
+    assert received.mean() > 0.9
+    assert (component[received] == Component.RAIN).mean() > 0.85
     assert not wet.truth.cells.instance[wet.truth.cells.component == Component.RAIN].any()
     share = [(wet.truth.cells.component[:, part] == Component.RAIN).mean() for part in (near, far)]
     assert share[1] < share[0] - 0.3  # by 130 m it comes down to the noise

@@ -67,8 +67,8 @@ def test_leakage_is_near_and_called_so() -> None:
 def test_direct_echoes_are_where_things_are(yard: Scene) -> None:
     truth = cells(scanned(yard, replace(ONLY_ECHOES, ghosts=False)))
     wall = truth.instance == 1
-    rows, bins = np.nonzero(wall)
-    azimuth = rows * 2 * np.pi / 400
+    azimuths, bins = np.nonzero(wall)
+    azimuth = azimuths * 2 * np.pi / 400
     ahead = (bins + 0.5) * 0.0432 * np.cos(azimuth)
     assert wall.any()
     # A cell belongs to the wall if the wall lies within the beam and the point spread of it.
@@ -84,26 +84,26 @@ def test_ghost_mask_marks_what_vanishes_without_ghosts(yard: Scene) -> None:
     alone = cells(every).component == Component.DIRECT
     assert ghosts.sum() > 100
     # Ghost cells lose over half their power, direct ones keep theirs (medians: speckle adds in any phase).
-    loud = every.codes > 20
-    assert np.median(direct.codes[ghosts & loud] / 2.0 - every.codes[ghosts & loud] / 2.0) < -3.0
-    assert np.median(np.abs(direct.codes[alone & loud] / 2.0 - every.codes[alone & loud] / 2.0)) <= 1.5
+    strong = every.codes > 20
+    assert np.median(direct.codes[ghosts & strong] / 2.0 - every.codes[ghosts & strong] / 2.0) < -3.0
+    assert np.median(np.abs(direct.codes[alone & strong] / 2.0 - every.codes[alone & strong] / 2.0)) <= 1.5
     assert (cells(every).component != Component.GHOST)[direct.codes >= every.codes].mean() > 0.95
     assert not (cells(direct).component == Component.GHOST).any()
     assert (cells(every).bounces[ghosts] > 1).all()
 
 
 def test_spokes_and_saturation_go_together(yard: Scene) -> None:
-    loud = replace(STEADY, full_scale_db=50.0)
+    clipping = replace(STEADY, full_scale_db=50.0)
     quiet = Simulator(yard, standing(), seed=1, sensor=STEADY, settings=TraceSettings(rays=64)).scan(0)
-    clipped = Simulator(yard, standing(), seed=1, sensor=loud, settings=TraceSettings(rays=64)).scan(0)
+    clipped = Simulator(yard, standing(), seed=1, sensor=clipping, settings=TraceSettings(rays=64)).scan(0)
     assert clipped.truth is not None
     assert quiet.truth is not None
-    rows = clipped.truth.saturated
-    assert rows.sum() > quiet.truth.saturated.sum()
+    azimuths = clipped.truth.saturated
+    assert azimuths.sum() > quiet.truth.saturated.sum()
     share = (clipped.truth.cells.component == Component.SPOKE).mean(axis=1)
-    assert rows.any()
-    assert not rows.all()
-    assert share[rows].mean() > 3 * share[~rows].mean()
+    assert azimuths.any()
+    assert not azimuths.all()
+    assert share[azimuths].mean() > 3 * share[~azimuths].mean()
 
 
 def test_movers_are_marked_and_boxed() -> None:
@@ -148,9 +148,11 @@ def test_scans_come_out_the_same_in_any_order(yard: Scene) -> None:
     "name", ["speckle", "ghosts", "sidelobes", "saturation", "phase_noise", "thermal_noise"]
 )
 def test_each_artefact_changes_something(yard: Scene, name: str) -> None:
-    loud = replace(STEADY, full_scale_db=35.0, phase_noise_dbc_hz=-70.0)
+    clipping = replace(STEADY, full_scale_db=35.0, phase_noise_dbc_hz=-70.0)
     full, without = (
-        Simulator(yard, standing(), seed=1, sensor=loud, settings=TraceSettings(rays=64), artefacts=a).scan(0)
+        Simulator(
+            yard, standing(), seed=1, sensor=clipping, settings=TraceSettings(rays=64), artefacts=a
+        ).scan(0)
         for a in (Artefacts(), replace(Artefacts(), **{name: False}))
     )
     assert not np.array_equal(full.codes, without.codes)

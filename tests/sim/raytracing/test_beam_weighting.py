@@ -1,4 +1,4 @@
-"""Laws of what a row hears beside its beam: rings of sidelobes go round the turn, across the seam too."""
+"""Laws of sidelobes: a strong reflector appears as a ring over the whole revolution, across the seam too."""
 
 import math
 from dataclasses import replace
@@ -17,63 +17,63 @@ from tests.sim.worlds import Ride, decibel, plate, standing, straight, world
 
 STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
 HEIGHT_M = CTS350X.mount_height_m
-ROW_RAD = 2 * math.pi / CTS350X.azimuths
+AZIMUTH_RAD = 2 * math.pi / CTS350X.azimuths
 RING_DB = {10: -44.0, 50: -74.0, 100: -84.0}
 """The two-way azimuth pattern at 9, 45 and 90 deg."""
 
 
 def traced(*plates: tuple[float, float, float], ride: Ride, rays: int = 256, floor_db: float = -60) -> Echoes:
-    """Echoes of soil plates at (row, distance [m], width [m])."""
-    things = []
-    for row, distance_m, width_m in plates:
-        x, y = distance_m * math.cos(row * ROW_RAD), -distance_m * math.sin(row * ROW_RAD)
-        things.append(("soil", "target", plate([x, y, HEIGHT_M], [-x, -y], width_m, 3.0)))
+    """Echoes of soil plates at (azimuth, distance [m], width [m])."""
+    objects = []
+    for azimuth, distance_m, width_m in plates:
+        x, y = distance_m * math.cos(azimuth * AZIMUTH_RAD), -distance_m * math.sin(azimuth * AZIMUTH_RAD)
+        objects.append(("soil", "target", plate([x, y, HEIGHT_M], [-x, -y], width_m, 3.0)))
     settings = TraceSettings(rays=rays, max_bounces=1, floor_db=floor_db)
     artefacts = Artefacts(doppler=0.0)
-    made = Simulator(world(*things), ride, seed=3, sensor=STEADY, settings=settings, artefacts=artefacts)
+    made = Simulator(world(*objects), ride, seed=3, sensor=STEADY, settings=settings, artefacts=artefacts)
     return made.echoes(0)
 
 
 def turning(rate: float) -> Ride:
-    """A radar that stands and turns, at `rate` [rad/s], counter-clockwise."""
+    """A radar that rotates on the spot, counter-clockwise at `rate` [rad/s]."""
     still = straight([0.0, 0.0], [0.0, 0.0], yaw=0.0).trajectory
     state = still.state + np.array([[0.0] * 4, [0, 0, 0, 100 * rate]])
     return Ride(replace(still, state=state, rate=still.rate + np.array([0, 0, 0, rate])))
 
 
-@pytest.mark.parametrize("row", [0, 2, 200, 397])
-def test_a_standing_radar_hears_a_ring_that_is_the_pattern_on_both_sides(row: int) -> None:
-    echoes = traced((row, 30.0, 0.05), ride=standing())
+@pytest.mark.parametrize("azimuth", [0, 2, 200, 397])
+def test_ring_follows_the_pattern_on_both_sides(azimuth: int) -> None:
+    echoes = traced((azimuth, 30.0, 0.05), ride=standing())
     power = np.bincount(echoes.azimuth, echoes.mean_power, 400)
     for away, level_db in RING_DB.items():
-        right, left = (decibel(power[(row + side) % 400] / power[row]) for side in (away, -away))
+        right, left = (decibel(power[(azimuth + side) % 400] / power[azimuth]) for side in (away, -away))
         assert right == pytest.approx(level_db, abs=0.5)
         assert left == pytest.approx(right, abs=0.3)
 
 
-def test_a_ring_is_heard_by_the_whole_turn_once() -> None:
+def test_ring_covers_the_whole_revolution_once() -> None:
     echoes = traced((3, 12.0, 0.1), ride=standing())
-    heard = np.bincount(echoes.azimuth, minlength=400)
-    # The row opposite to it, which lies as far on either side, is left out.
-    assert np.flatnonzero(heard == 0).tolist() == [203]
+    count = np.bincount(echoes.azimuth, minlength=400)
+    # The azimuth opposite to it, which lies as far on either side, is left out.
+    assert np.flatnonzero(count == 0).tolist() == [203]
     far = echoes.source[echoes.sidelobe].astype(np.int64) * 400 + echoes.azimuth[echoes.sidelobe]
     assert len(np.unique(far)) == len(far)
 
 
-def test_across_the_seam_a_ring_is_as_far_as_its_rows_are_from_it() -> None:
-    # At 15 m/s towards a plate a little to the right: the last rows are 3.7 m nearer than the first.
+def test_range_of_a_ring_is_that_from_each_azimuth_across_the_seam_too() -> None:
+    # At 15 m/s towards a plate a little to the right: the last azimuths are 3.7 m nearer than the first.
     echoes = traced((5, 40.0, 0.05), ride=straight([0, 0], [15.0, 0]))
-    x, y = 40.0 * math.cos(5 * ROW_RAD), -40.0 * math.sin(5 * ROW_RAD)
-    for row in (360, 385, 395, 15, 40):
-        found = echoes.range_m[echoes.azimuth == row]
+    x, y = 40.0 * math.cos(5 * AZIMUTH_RAD), -40.0 * math.sin(5 * AZIMUTH_RAD)
+    for azimuth in (360, 385, 395, 15, 40):
+        found = echoes.range_m[echoes.azimuth == azimuth]
         assert found.size
-        expected = math.hypot(x - 15.0 * STEADY.azimuth_period_s * row, y)
+        expected = math.hypot(x - 15.0 * STEADY.azimuth_period_s * azimuth, y)
         np.testing.assert_allclose(found, expected, atol=0.06)  # 1.5 m up and down: 0.04 m
 
 
 @pytest.mark.parametrize(("rate", "within_db"), [(0.0, 0.5), (0.2, 1.5), (-0.2, 1.5)])
-def test_sidelobes_are_as_loud_at_the_seam_as_elsewhere(rate: float, within_db: float) -> None:
-    # A rough ring of plates about the radar. Turning, the scan meets some directions never or twice.
+def test_sidelobes_are_as_strong_at_the_seam_as_elsewhere(rate: float, within_db: float) -> None:
+    # A rough ring of plates about the radar. When it yaws, the scan covers some directions never or twice.
     ring = [(400 / 120 * k, 25.0, 1.4) for k in range(120)]
     echoes = traced(*ring, ride=turning(rate), floor_db=-10.0)
     far = echoes.sidelobe
@@ -82,9 +82,9 @@ def test_sidelobes_are_as_loud_at_the_seam_as_elsewhere(rate: float, within_db: 
     assert abs(decibel(seam.mean() / power[20:380].mean())) < within_db
 
 
-def test_a_corners_ring_is_as_loud_across_the_seam_though_the_car_drives() -> None:
-    # All paths by way of both walls are of one length, from wherever they are seen: they stay in step.
-    bearing, size_m = 10 * ROW_RAD, 0.6
+def test_ring_of_a_corner_is_as_strong_across_the_seam_though_the_car_drives() -> None:
+    # All paths over both walls have the same length from any position: they stay in phase.
+    bearing, size_m = 10 * AZIMUTH_RAD, 0.6
     walls = []
     for side in (1, -1):
         facing = math.pi - bearing + side * math.pi / 4  # towards the radar, a right angle between both
@@ -98,17 +98,17 @@ def test_a_corners_ring_is_as_loud_across_the_seam_though_the_car_drives() -> No
     echoes = Simulator(world(*walls), drive, seed=3, sensor=STEADY, settings=settings).echoes(0)
     twice = echoes.returns.bounces[echoes.source] == 2
     power = np.zeros(400)
-    for row in range(400):
-        there = twice & (echoes.azimuth == row)
-        power[row] = np.abs(echoes.amplitude[there].sum(dtype=complex)) ** 2
+    for azimuth in range(400):
+        there = twice & (echoes.azimuth == azimuth)
+        power[azimuth] = np.abs(echoes.amplitude[there].sum(dtype=complex)) ** 2
     offset_deg, level_db = np.array(STEADY.azimuth_pattern_db).T
-    rows = np.array([397, 398, 399, 0, 1, 2])
-    pattern_db = np.interp(np.abs((rows - 10 + 200) % 400 - 200) * 0.9, offset_deg, level_db)
-    np.testing.assert_allclose(decibel(power[rows] / power[10]), pattern_db, atol=2.5)
+    azimuths = np.array([397, 398, 399, 0, 1, 2])
+    pattern_db = np.interp(np.abs((azimuths - 10 + 200) % 400 - 200) * 0.9, offset_deg, level_db)
+    np.testing.assert_allclose(decibel(power[azimuths] / power[10]), pattern_db, atol=2.5)
 
 
-def test_a_target_that_a_turn_to_the_left_passes_over_is_heard_by_sidelobes() -> None:
-    # 0.6 rad/s to the left for a turn: 9.5 rows about straight ahead are in no row's main lobe.
+def test_target_skipped_by_the_main_lobe_in_a_left_turn_is_received_by_sidelobes() -> None:
+    # 0.6 rad/s to the left for one scan: 9.5 azimuths about straight ahead are in no main lobe.
     rate = 0.6
     bearing = rate * STEADY.azimuth_period_s * 200  # half way from where the scan ends to where it began
     place = (30 * math.cos(bearing), 30 * math.sin(bearing), HEIGHT_M)

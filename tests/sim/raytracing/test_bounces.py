@@ -1,4 +1,4 @@
-"""Laws of single paths: frames, mirrors, loops, shadows, movers, each against a number worked out by hand."""
+"""Laws of single paths: frames, mirrors, loops, shadows, motion, each against a value computed by hand."""
 
 import math
 from dataclasses import replace
@@ -19,7 +19,7 @@ from tests.sim.worlds import Ride, box_prototype, decibel, mover, plate, standin
 FINE = TraceSettings(rays=1024, floor_db=-60.0)
 STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
 HEIGHT_M = CTS350X.mount_height_m
-ROW_RAD = 2 * math.pi / CTS350X.azimuths
+AZIMUTH_RAD = 2 * math.pi / CTS350X.azimuths
 
 
 def traced(
@@ -37,10 +37,10 @@ def traced(
     return simulator.echoes(0)
 
 
-def mean_row(echoes: Echoes, mine: np.ndarray) -> float:
-    """Row that the echoes lie about, weighted by power, between -200 and 200."""
-    rows = (echoes.azimuth[mine] + 200) % 400 - 200
-    return float(np.average(rows, weights=echoes.mean_power[mine]))
+def mean_azimuth(echoes: Echoes, mine: np.ndarray) -> float:
+    """Azimuth about which the echoes lie, weighted by power, between -200 and 200."""
+    azimuths = (echoes.azimuth[mine] + 200) % 400 - 200
+    return float(np.average(azimuths, weights=echoes.mean_power[mine]))
 
 
 @pytest.mark.parametrize("yaw", [-2.0, 0.9, 3.0])
@@ -49,10 +49,10 @@ def test_azimuth_grows_clockwise_from_the_heading(yaw: float) -> None:
     bearing = yaw - 0.4
     x, y = 30 * math.cos(bearing), 30 * math.sin(bearing)
     echoes = traced(world(("soil", "target", plate([x, y, HEIGHT_M], [-x, -y], 0.5, 0.5))), standing(yaw=yaw))
-    assert mean_row(echoes, ~echoes.sidelobe) * ROW_RAD == pytest.approx(0.4, abs=0.3 * ROW_RAD)
+    assert mean_azimuth(echoes, ~echoes.sidelobe) * AZIMUTH_RAD == pytest.approx(0.4, abs=0.3 * AZIMUTH_RAD)
 
 
-def test_placed_things_stand_where_their_placement_says() -> None:
+def test_placed_objects_stand_at_their_placement() -> None:
     # A box 4 m long, twice as large, turned by a right angle: its long side across, its near face 2 m nearer.
     town = replace(
         world(),
@@ -69,29 +69,31 @@ def test_placed_things_stand_where_their_placement_says() -> None:
     echoes = traced(town, standing())
     ahead = (echoes.azimuth == 0) & (echoes.bounces == 1)
     assert np.average(echoes.range_m[ahead], weights=echoes.mean_power[ahead]) == pytest.approx(28.0, abs=0.1)
-    rows = (echoes.azimuth[(echoes.bounces == 1) & ~echoes.sidelobe] + 200) % 400 - 200
-    assert rows.max() * ROW_RAD == pytest.approx(math.atan2(4.0, 28.0), abs=4 * ROW_RAD)
+    azimuths = (echoes.azimuth[(echoes.bounces == 1) & ~echoes.sidelobe] + 200) % 400 - 200
+    assert azimuths.max() * AZIMUTH_RAD == pytest.approx(math.atan2(4.0, 28.0), abs=4 * AZIMUTH_RAD)
     assert (echoes.instance == 1).all()
 
 
-def test_alternating_sweeps_shift_neighbouring_rows_in_opposite_directions() -> None:
-    # At 12 m/s towards a plate, beta v = 0.588 s m/s: nearer where the sweep rises (odd rows), else farther.
+def test_alternating_sweeps_shift_neighbouring_azimuths_in_opposite_directions() -> None:
+    # At 12 m/s towards a plate beta v = 0.588 m: nearer where the sweep rises (odd azimuths), else farther.
     town = world(("soil", "target", plate([40.0, 0, HEIGHT_M], [-1, 0], 3.0, 0.5)))
     sensor = replace(STEADY, chirps="alternating")
     echoes, still = (
         traced(town, straight([0, 0], [12.0, 0]), sensor=sensor, doppler=on) for on in (True, False)
     )
-    for row in (0, 1, 2, 3, 397, 398, 399):
+    for azimuth in (0, 1, 2, 3, 397, 398, 399):
         there, here = (
-            np.average(each.range_m[each.azimuth == row], weights=each.mean_power[each.azimuth == row])
+            np.average(
+                each.range_m[each.azimuth == azimuth], weights=each.mean_power[each.azimuth == azimuth]
+            )
             for each in (still, echoes)
         )
-        assert here - there == pytest.approx(-0.588 if row % 2 else 0.588, abs=0.01)
+        assert here - there == pytest.approx(-0.588 if azimuth % 2 else 0.588, abs=0.01)
 
 
 @pytest.mark.parametrize(("speed", "shift"), [(12.0, 0.588), (-12.0, -0.588)])
 def test_receding_mover_shifts_outwards_and_approaching_one_inwards(speed: float, shift: float) -> None:
-    # beta v = 0.049 s x 12 m/s; a rising sweep shows an approaching thing nearer.
+    # beta v = 0.049 s x 12 m/s; a rising sweep shows an approaching object nearer.
     box = box_prototype("box", (2.0, 2.0, 3.0), "soil")
     movers = (mover(1, box, straight([40.0, 0.0], [speed, 0.0], yaw=0.0)),)
     plain, shifted = (traced(world(), standing(), movers, doppler=on) for on in (False, True))
@@ -102,14 +104,14 @@ def test_receding_mover_shifts_outwards_and_approaching_one_inwards(speed: float
 
 @pytest.mark.parametrize("distortion", [True, False])
 def test_every_row_hears_a_mover_at_its_own_time(distortion: bool) -> None:
-    # Dead astern, so that neighbouring rows are taken within milliseconds: its near face at 29 m, 30 m/s.
+    # Dead astern, so that neighbouring azimuths are taken within milliseconds: its near face at 29 m, 30 m/s.
     box = box_prototype("box", (2.0, 8.0, 3.0), "soil")
     movers = (mover(1, box, straight([-30.0, 0.0], [-30.0, 0.0], yaw=0.0)),)
     echoes = traced(world(), standing(), movers, doppler=False, motion_distortion=distortion)
-    for row in (196, 200, 204):
-        here = (echoes.azimuth == row) & (echoes.bounces == 1)
-        time = STEADY.azimuth_period_s * (row if distortion else 199.5)
-        near = (29.0 + 30.0 * time) / math.cos((row - 200) * ROW_RAD)
+    for azimuth in (196, 200, 204):
+        here = (echoes.azimuth == azimuth) & (echoes.bounces == 1)
+        time = STEADY.azimuth_period_s * (azimuth if distortion else 199.5)
+        near = (29.0 + 30.0 * time) / math.cos((azimuth - 200) * AZIMUTH_RAD)
         found = np.average(echoes.range_m[here], weights=echoes.mean_power[here])
         assert found == pytest.approx(near, abs=0.05)
 
@@ -119,14 +121,14 @@ def test_without_distortion_the_seam_is_no_place_for_jumps() -> None:
     movers = (mover(1, box, straight([40.0, 0.0], [-20.0, 0.0], yaw=0.0)),)
     echoes = traced(world(), standing(), movers, doppler=False, motion_distortion=False)
     near = 40.0 - 1.0 - 20.0 * STEADY.azimuth_period_s * 199.5
-    for row in (398, 399, 0, 1):
-        here = echoes.range_m[(echoes.azimuth == row) & (echoes.bounces == 1)]
+    for azimuth in (398, 399, 0, 1):
+        here = echoes.range_m[(echoes.azimuth == azimuth) & (echoes.bounces == 1)]
         assert here.min() > near - 0.3
         assert np.median(here) == pytest.approx(near, abs=0.3)
 
 
 def test_power_is_even_round_the_turn_while_the_car_turns() -> None:
-    # A rough ring about a car that yaws at 0.5 rad/s: no row is louder than another, not at the seam either.
+    # A rough ring about a car that yaws at 0.5 rad/s: no azimuth is stronger, not at the seam either.
     angles = np.arange(120) * 2 * math.pi / 120
     spots = [(25 * math.cos(a), 25 * math.sin(a)) for a in angles]
     ring = [("soil", "wall", plate([x, y, 2.0], [-x, -y], 1.4, 6.0)) for x, y in spots]
@@ -146,14 +148,14 @@ def test_power_is_even_round_the_turn_while_the_car_turns() -> None:
 
 def mirror_power(material: str, cosine: float) -> float:
     """Share of power that a surface mirrors, by its formulas: |Gamma|^2 (1 - S^2) exp(-g), for TE."""
-    row = MATERIALS[material]
-    te, _ = reflection(permittivity(row, CTS350X.carrier_hz), cosine)
-    rough = math.exp(-((4 * math.pi * row.rms_height_m * cosine / CTS350X.wavelength_m) ** 2))
-    return float(abs(te) ** 2) * (1 - row.scattering**2) * rough
+    entry = MATERIALS[material]
+    te, _ = reflection(permittivity(entry, CTS350X.carrier_hz), cosine)
+    rough = math.exp(-((4 * math.pi * entry.rms_height_m * cosine / CTS350X.wavelength_m) ** 2))
+    return float(abs(te) ** 2) * (1 - entry.scattering**2) * rough
 
 
 def test_ghost_is_weaker_by_both_its_mirrorings() -> None:
-    # By way of a concrete wall, a plate is as loud as it were at its image, times the wall's share squared.
+    # Over a concrete wall, a plate has the power of its image times the squared mirror share of the wall.
     wall = plate([30.0, 0, 5.0], [-1, 0], 200.0, 10.0)
     behind = plate([12.0, 18.0, HEIGHT_M], [1, 0], 1.5, 1.5)  # faces the wall
     image = plate([48.0, 18.0, HEIGHT_M], [-1, 0], 1.5, 1.5)
@@ -165,14 +167,14 @@ def test_ghost_is_weaker_by_both_its_mirrorings() -> None:
     assert decibel(of_ghost / expected) == pytest.approx(0, abs=0.8)  # a few hundred rays, some by lot
 
 
-def test_nothing_is_heard_round_a_loop_whose_way_back_is_blocked() -> None:
+def test_loop_with_an_occluded_last_leg_returns_nothing() -> None:
     wall = plate([30.0, 0, 5.0], [-1, 0], 200.0, 10.0)
     side = plate([20.0, 6.0, HEIGHT_M], [0.2, -1], 1.5, 1.5)
     screen = plate([15.0, 4.2, HEIGHT_M], [-1, -0.3], 1.6, 3.0)
-    things = [("metal", "wall", wall), ("soil", "car", side)]
+    objects = [("metal", "wall", wall), ("soil", "car", side)]
     seen, hidden = (
-        traced(world(*things), standing()),
-        traced(world(*things, ("soil", "fence", screen)), standing()),
+        traced(world(*objects), standing()),
+        traced(world(*objects, ("soil", "fence", screen)), standing()),
     )
     loops = [echoes.mean_power[(echoes.bounces == 2) & (echoes.instance == 2)] for echoes in (seen, hidden)]
     assert loops[0].sum() > 0
@@ -192,12 +194,12 @@ def test_ghost_by_way_of_a_moving_mirror_moves_with_it() -> None:
     assert echoes.closing_mps[ghosts] == pytest.approx(2 * 3.0 * cosine, abs=0.2)
 
 
-def test_tilting_the_beam_up_raises_what_stands_high() -> None:
+def test_tilting_the_beam_up_raises_high_targets() -> None:
     high = plate([40.0, 0, HEIGHT_M + 40 * math.tan(math.radians(6))], [-1, 0], 1.0, 1.0)
     low = plate([40.0, 0, HEIGHT_M - 40 * math.tan(math.radians(2))], [-1, 0], 1.0, 1.0)
     up = replace(STEADY, mount_tilt_deg=6.0)
-    for thing, change in ((high, 20.0), (low, -12.0)):
-        town = world(("soil", "target", thing))
+    for target, change in ((high, 20.0), (low, -12.0)):
+        town = world(("soil", "target", target))
         level, tilted = (
             traced(town, standing(), sensor=sensor).mean_power.sum(dtype=np.float64)
             for sensor in (STEADY, up)
@@ -219,8 +221,8 @@ def test_speckled_power_has_its_mean_where_many_rays_share_a_patch() -> None:
             settings=TraceSettings(rays=256),
         )
         echoes = simulator.echoes(0)
-        for row in range(-60, 61, 6):
-            here = echoes.azimuth == row % 400
+        for azimuth in range(-60, 61, 6):
+            here = echoes.azimuth == azimuth % 400
             ranges = echoes.range_m[here]
             for start in np.arange(ranges.min(), ranges.max(), 0.25):
                 cell = (ranges >= start) & (ranges < start + 0.25)

@@ -22,7 +22,7 @@ from tests.sim.worlds import Ride, box_prototype, decibel, mover, plate, quad, s
 FINE = TraceSettings(rays=1024, floor_db=-60.0)
 HEIGHT_M = CTS350X.mount_height_m
 STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
-ROW_RAD = 2 * math.pi / CTS350X.azimuths
+AZIMUTH_RAD = 2 * math.pi / CTS350X.azimuths
 
 
 def traced(
@@ -41,9 +41,9 @@ def traced(
     return simulator.echoes(0)
 
 
-def row_power(echoes: Echoes, row: int, near_m: float, far_m: float) -> float:
-    """Mean power (over speckle) of a row's echoes between two ranges [W]."""
-    inside = (echoes.azimuth == row) & (echoes.range_m > near_m) & (echoes.range_m < far_m)
+def azimuth_power(echoes: Echoes, azimuth: int, near_m: float, far_m: float) -> float:
+    """Mean power over speckle of the echoes of an azimuth between two ranges [W]."""
+    inside = (echoes.azimuth == azimuth) & (echoes.range_m > near_m) & (echoes.range_m < far_m)
     return float(echoes.mean_power[inside].sum(dtype=np.float64))
 
 
@@ -52,19 +52,21 @@ def quadrature(distance_m: float, material: str, *, width_m: float, height_m: fl
 
     Written apart from the simulator: BRDF, Fresnel and roughness from their formulas.
     """
-    row = MATERIALS[material]
+    entry = MATERIALS[material]
     y, z = np.meshgrid(*(np.linspace(-s / 2, s / 2, 801) for s in (width_m, height_m)), indexing="ij")
     r = np.sqrt(distance_m**2 + y**2 + z**2)
     cosine = distance_m / r
-    te, tm = (np.abs(c) ** 2 for c in reflection(permittivity(row, CTS350X.carrier_hz), cosine))
+    te, tm = (np.abs(c) ** 2 for c in reflection(permittivity(entry, CTS350X.carrier_hz), cosine))
     te_share = y**2 / np.maximum(
         y**2 + z**2, 1e-12
     )  # vertical polarisation: TE where the ray leaves sideways
     power = te_share * te + (1 - te_share) * tm
-    rough = np.exp(-((4 * math.pi * row.rms_height_m * cosine / CTS350X.wavelength_m) ** 2))
-    mirror = (1 - row.scattering**2) * rough
+    rough = np.exp(-((4 * math.pi * entry.rms_height_m * cosine / CTS350X.wavelength_m) ** 2))
+    mirror = (1 - entry.scattering**2) * rough
     tangent2 = 1 / cosine**2 - 1
-    slopes = np.exp(-tangent2 / (2 * row.rms_slope_rad**2)) / (2 * math.pi * row.rms_slope_rad**2 * cosine**4)
+    slopes = np.exp(-tangent2 / (2 * entry.rms_slope_rad**2)) / (
+        2 * math.pi * entry.rms_slope_rad**2 * cosine**4
+    )
     brdf = mirror * slopes / (4 * cosine**2) + (1 - mirror) / math.pi
     antenna = Antenna(CTS350X)
     gain = antenna.two_way_gain(np.arctan2(y, distance_m), np.arcsin(z / r)) / antenna.peak_gain**2
@@ -79,12 +81,12 @@ def test_wall_returns_the_integral_of_the_radar_equation(material: str, distance
     echoes = traced(world((material, "wall", wall)), standing())
     expected = quadrature(distance_m, material, width_m=distance_m, height_m=0.3 * distance_m)
     # Some 8,000 rays share the power, the patches' rays are not quite Poisson: 0.5 dB.
-    found = row_power(echoes, 0, 0, 160)
+    found = azimuth_power(echoes, 0, 0, 160)
     assert decibel(found / expected) == pytest.approx(0, abs=0.5)
 
 
-def cell_sum(echoes: Echoes, row: int, range_m: float, width_m: float = 0.25) -> complex:
-    inside = (echoes.azimuth == row) & (np.abs(echoes.range_m - range_m) < width_m)
+def cell_sum(echoes: Echoes, azimuth: int, range_m: float, width_m: float = 0.25) -> complex:
+    inside = (echoes.azimuth == azimuth) & (np.abs(echoes.range_m - range_m) < width_m)
     return complex(echoes.amplitude[inside].sum(dtype=np.complex128))
 
 
@@ -104,12 +106,12 @@ def test_speckle_decorrelates_over_the_beams_aperture_length() -> None:
     # A radar that passes a rough wall sideways sees new speckle after some lambda / (2 x beam width) = 0.1 m.
     wall = plate([40.0, 0, HEIGHT_M], [-1, 0], 120.0, 6.0)
     town = world(("soil", "wall", wall))
-    rows = list(range(-40, 41, 4))
+    azimuths = list(range(-40, 41, 4))
 
     def profile(y: float) -> NDArray[np.complex128]:
         echoes = traced(town, standing(y=y), settings=TraceSettings(rays=1024, floor_db=-40))
-        ranges = [40.0 / math.cos(k * ROW_RAD) for k in rows]
-        return np.array([cell_sum(echoes, k % 400, r) for k, r in zip(rows, ranges, strict=True)])
+        ranges = [40.0 / math.cos(k * AZIMUTH_RAD) for k in azimuths]
+        return np.array([cell_sum(echoes, k % 400, r) for k, r in zip(azimuths, ranges, strict=True)])
 
     def coherence(a: NDArray, b: NDArray) -> float:
         return float(abs(np.vdot(a, b)) / (np.linalg.norm(a) * np.linalg.norm(b)))
@@ -117,7 +119,7 @@ def test_speckle_decorrelates_over_the_beams_aperture_length() -> None:
     def flat(values: NDArray, y: float) -> NDArray:
         # Take out the common phase of a sideways step: 4 pi y sin(azimuth) / lambda, clockwise azimuths.
         return values * np.exp(
-            4j * math.pi * y * np.sin(-np.array(rows) * ROW_RAD) / CTS350X.wavelength_m * -1
+            4j * math.pi * y * np.sin(-np.array(azimuths) * AZIMUTH_RAD) / CTS350X.wavelength_m * -1
         )
 
     start = profile(0.0)
@@ -133,9 +135,9 @@ def test_rows_see_the_world_from_their_own_place() -> None:
     echoes = traced(world(*plates), straight([0, 0], [15.0, 0]), doppler=False)
     for instance, (x, y) in enumerate(places, start=1):
         mine = (echoes.instance == instance) & ~echoes.sidelobe & (echoes.bounces == 1)
-        for row in np.unique(echoes.azimuth[mine]):
-            here = mine & (echoes.azimuth == row)
-            car_x = 15.0 * STEADY.azimuth_period_s * row
+        for azimuth in np.unique(echoes.azimuth[mine]):
+            here = mine & (echoes.azimuth == azimuth)
+            car_x = 15.0 * STEADY.azimuth_period_s * azimuth
             found = np.average(echoes.range_m[here], weights=echoes.mean_power[here])
             assert found == pytest.approx(math.hypot(x - car_x, y), abs=0.1)  # the plate is 0.5 m wide
 
@@ -144,7 +146,7 @@ def test_motion_distortion_can_be_switched_off() -> None:
     wall = world(("soil", "wall", plate([20.0, 0, HEIGHT_M], [-1, 0], 60.0, 4.0)))
     rolling = traced(wall, straight([0, 0], [15.0, 0]), doppler=False)
     still = traced(wall, straight([0, 0], [15.0, 0]), doppler=False, motion_distortion=False)
-    # Row 395 is 244 ms after row 5, so the wall ahead has come nearer by 3.7 m; at mid-scan both stand still.
+    # Azimuth 395 is 244 ms after azimuth 5, so the wall ahead is 3.7 m nearer; at mid-scan both are at rest.
     for echoes, nearer in ((rolling, 15 * 390 * STEADY.azimuth_period_s), (still, 0.0)):
         first, last = (
             np.average(echoes.range_m[echoes.azimuth == k], weights=echoes.mean_power[echoes.azimuth == k])
@@ -154,7 +156,7 @@ def test_motion_distortion_can_be_switched_off() -> None:
 
 
 def test_movers_move_within_the_scan() -> None:
-    # A box drives sideways behind the radar; row 200 sees it 125 ms after row 0.
+    # A box drives sideways behind the radar; azimuth 200 sees it 125 ms after azimuth 0.
     box = box_prototype("box", (2.0, 2.0, 3.0), "soil")
     ride = straight([-30.0, -6.0], [0.0, 20.0])
     echoes = traced(
@@ -166,16 +168,16 @@ def test_movers_move_within_the_scan() -> None:
     assert mine.any()
     assert echoes.moving[mine].all()
     power = np.bincount(echoes.azimuth[mine], echoes.mean_power[mine], 400)
-    for row in np.flatnonzero(power > 0.1 * power.max()):
-        y = -6.0 + 20.0 * STEADY.azimuth_period_s * row
-        here = mine & (echoes.azimuth == row)
+    for azimuth in np.flatnonzero(power > 0.1 * power.max()):
+        y = -6.0 + 20.0 * STEADY.azimuth_period_s * azimuth
+        here = mine & (echoes.azimuth == azimuth)
         near = math.hypot(-29.0, y)
         assert np.average(echoes.range_m[here], weights=echoes.mean_power[here]) == pytest.approx(
             near, abs=0.8
         )
     middle = np.average(echoes.azimuth[mine], weights=echoes.mean_power[mine])
     y = -6.0 + 20.0 * STEADY.azimuth_period_s * middle
-    assert (math.pi - middle * ROW_RAD) == pytest.approx(math.atan2(y, 29.0) * -1, abs=ROW_RAD)
+    assert (math.pi - middle * AZIMUTH_RAD) == pytest.approx(math.atan2(y, 29.0) * -1, abs=AZIMUTH_RAD)
 
 
 def test_mover_returns_are_at_its_prototypes_faces_for_any_pose() -> None:
@@ -185,8 +187,8 @@ def test_mover_returns_are_at_its_prototypes_faces_for_any_pose() -> None:
     echoes = traced(world(), standing(), (mover(1, box, ride),))
     mine = (echoes.instance == 1) & ~echoes.sidelobe & (echoes.bounces == 1)
     corners = np.array([[a * 2.0, b * 1.0] for a in (-1, 1) for b in (-1, 1)])
-    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
-    around = corners @ turn.T + [25.0, 3.0]
+    rotation = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    around = corners @ rotation.T + [25.0, 3.0]
     nearest = np.hypot(*around.T).min()
     assert echoes.range_m[mine].min() == pytest.approx(nearest, abs=0.2)
     assert echoes.range_m[mine].max() < np.hypot(*around.T).max() + 0.3
