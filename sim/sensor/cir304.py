@@ -5,7 +5,7 @@ guide calls RAS6: 6848 bins of 0.0438 m, every other sweep falling. Sources: [N]
 Multi-Season Autonomous Driving Dataset", IJRR 2023, its guide and loaders (pyboreas); [R] "Boreas Road Trip",
 its guide and loaders; [M] measured on one raw scan of [R]; [F] measured on one scan of the FoMo data set's
 CIR304; [cal] calibrated to [M]. Everything else is taken over from the CTS350-X, as no figures are published;
-the azimuth point spread of [M] fits its pattern (-20 dB at 1.8 deg in rows of one sweep direction).
+the azimuth point spread of [M] fits its pattern (-20 dB at 1.8 deg at azimuths of one sweep direction).
 """
 
 from dataclasses import replace
@@ -28,7 +28,7 @@ CIR304 = replace(
     fft_size=8192,
     full_scale_db=78.5,  # [cal] to the largest codes, 158 [F] and 160 [M]
     noise_units=7.1,  # [F]
-    range_gain_db=((0.0, 0.0), (300.0, 0.0)),  # not told apart from clutter in one scan
+    range_gain_db=((0.0, 0.0), (300.0, 0.0)),  # cannot be separated from clutter in one scan
     leakage_dbm=(  # [cal] to [M] median codes 72, 91, 60, 50 and 40 at 0, 0.9, 1.6, 2 and 2.5 m
         (0.1, -96.0),
         (0.5, -95.0),

@@ -37,7 +37,7 @@ CTS350X = Sensor(
     antenna_gain_db=35.15,  # directivity of the patterns below
     system_loss_db=16.3,  # [cal] brings the level of a street's echoes to [M]; losses of the dish included
     noise_figure_db=15.0,  # [cal] usual for 77 GHz receivers
-    noise_units=1.57,  # [M] mean power of quiet rows at far range, and the shares of codes there
+    noise_units=1.57,  # [M] mean power of quiet azimuths at far range, and the shares of codes there
     range_gain_db=(  # [cal] to the lower envelope of [M] relative to the noise beyond 100 m
         (0.0, -3.0),
         (4.0, -3.5),

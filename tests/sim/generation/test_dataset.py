@@ -235,7 +235,7 @@ def test_full_folder_is_refused_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / "diary.txt").write_text("dear")
     with pytest.raises(DatasetError, match="OUT must be empty or new"):
         write_dataset(tmp_path, CONFIG)
-    with pytest.raises(DatasetError, match="is no dataset"):
+    with pytest.raises(DatasetError, match="is no data set"):
         write_dataset(tmp_path, CONFIG, resume=True)
     assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]
 
