@@ -21,7 +21,7 @@ from echoscape.learn.model.weights import read_weights
 from echoscape.learn.training.checkpoint import initial_model
 from echoscape.learn.training.config import TrainingConfig
 from echoscape.learn.training.logger import TrainingLog
-from echoscape.learn.training.trainer import TrainingData, train
+from echoscape.learn.training.trainer import TrainingData, recorded_threads, train
 from echoscape.learn.training.validation import fixed_pairs, pair_errors
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from tests.learn.folders import write_folder
@@ -177,6 +177,56 @@ def test_each_loss_changes_the_weights(data: TrainingData, tmp_path: Path, name:
     plain = train(tmp_path / "plain", MODEL, two, data)
     told = train(tmp_path / "told", MODEL, TrainingConfig(steps=2, **{name: 1.0}), data)  # type: ignore[arg-type]
     assert any(not torch.equal(a, b) for a, b in zip(plain.parameters(), told.parameters(), strict=True))
+
+
+@pytest.mark.gpu
+def test_a_run_on_a_gpu_is_resumed_there_and_on_the_cpu(data: TrainingData, tmp_path: Path) -> None:
+    """The first step begins with the same weights and pairs, so that its loss differs by rounding only."""
+    config = replace(SHORT, likelihood_weight=1.0, compensate=True, robust_pose=True)
+    first: dict[str, float] = {}
+    for device in ("cuda", "cpu"):
+        out = tmp_path / device
+        model = train(out, MODEL, replace(config, steps=2), data, device=device)  # type: ignore[arg-type]
+        assert {each.device.type for each in model.parameters()} == {device}
+        first[device] = json.loads((out / "log.jsonl").read_text().splitlines()[0])["loss_m"]
+        assert json.loads((out / "settings.json").read_text())["device"] == device
+    assert first["cuda"] == pytest.approx(first["cpu"], rel=0.05)
+    train(tmp_path / "cpu", MODEL, config, data, resume=True, device="cuda")
+    train(tmp_path / "cuda", MODEL, config, data, resume=True, device="cpu")
+    for device in ("cuda", "cpu"):
+        model, record = read_weights(tmp_path / device / "last.safetensors")
+        assert record["step"] == config.steps
+        assert all(bool(each.isfinite().all()) for each in model.parameters())
+
+
+def test_first_weights_are_drawn_apart_from_the_global_generators() -> None:
+    torch.manual_seed(5)
+    before = torch.get_rng_state()
+    one = initial_model(MODEL, seed=0)
+    assert torch.equal(torch.get_rng_state(), before)
+    torch.manual_seed(6)
+    other = initial_model(MODEL, seed=0)
+    assert all(torch.equal(a, b) for a, b in zip(one.parameters(), other.parameters(), strict=True))
+
+
+def test_a_resumed_run_takes_the_threads_that_it_had(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("echoscape.cli.train.idle_cores", lambda: 1)
+    few = ["--steps", "1", "--resolution", "1.3824", "--size", "80"]
+    words = ["--data", str(folder), "--out", str(tmp_path / "run"), *few]
+    try:
+        assert main([*words, "--threads", "2"]) == 0
+        assert torch.get_num_threads() == 2
+        assert main([*words, "--steps", "2", "--resume", "--threads", "1"]) == 0
+        assert main([*words, "--steps", "3", "--resume"]) == 0
+        assert torch.get_num_threads() == 1
+        assert main([*words[:3], str(tmp_path / "new"), *few]) == 0
+        assert torch.get_num_threads() == 1
+    finally:
+        torch.set_num_threads(1)
+    assert recorded_threads(tmp_path / "run") == 1
+    assert recorded_threads(tmp_path / "none") is None
 
 
 def test_validation_moves_points_to_mid_scan_as_training_does(data: TrainingData) -> None:
