@@ -15,7 +15,7 @@ class Returns:
         instance: Instance id of the last surface (R,) uint32.
         material: Material id of the last surface (R,) uint8.
         moving: Whether a surface on the path moves (R,) bool.
-        surfaces: Instance ids of the surfaces on the way out, in order (R, D) uint32; 0 beyond the last.
+        surfaces: Instance ids of the surfaces on the outward path, in order (R, D) uint32; 0 beyond the last.
         coherent: Whether the return is the phase sum of a target, without speckle (R,) bool.
     """
 

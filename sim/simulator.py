@@ -183,8 +183,8 @@ class Simulator:
             The scan with its truth.
 
         Raises:
-            ValueError: `index` is negative, a filter is none, or `echoes` were traced for another scan or
-                seed.
+            ValueError: `index` is negative, a filter is not an `EchoFilter`, or `echoes` were traced for
+                another scan or seed.
         """
         origin = Origin(scan=index, seed=self._seed)
         if echoes is not None and echoes.origin not in (None, origin):
@@ -226,7 +226,7 @@ class Simulator:
 
         `echoes`, where given, stand for traced echoes under the artefacts of the only setting.
         """
-        # None may stand for a number, so settings are told apart by their strengths.
+        # None may stand for a number, so settings are compared by their strengths.
         strengths = [each.strengths(self.sensor) for each in settings]
         noise = self._noise(index)
         simulated: dict[Strengths, PolarScan] = {}
@@ -341,7 +341,7 @@ class Simulator:
         )
 
     def _interference(self, propagation: Propagation, artefacts: Artefacts) -> NDArray[np.float32] | None:
-        """Return what the radars of other vehicles add to the beat signals, None where they are silent."""
+        """Return what the radars of other vehicles add to the beat signals, None without interference."""
         if propagation.interferers is None or not artefacts.interference:
             return None
         return other_radars(

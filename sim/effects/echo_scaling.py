@@ -101,16 +101,16 @@ def speckle_free_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.float32]:
         Amplitudes (azimuths, fft_size / 2) float32 [sqrt(W)].
     """
     bins = sensor.fft_size // 2
-    place = np.clip(np.rint(grid_place(echoes.range_m, sensor)), 0, bins - 1).astype(np.int64)
-    power = np.bincount(echoes.azimuth * np.int64(bins) + place, echoes.mean_power, sensor.azimuths * bins)
+    index = np.clip(np.rint(grid_place(echoes.range_m, sensor)), 0, bins - 1).astype(np.int64)
+    power = np.bincount(echoes.azimuth * np.int64(bins) + index, echoes.mean_power, sensor.azimuths * bins)
     power = power.astype(np.float64, copy=False).reshape(sensor.azimuths, bins)
     grid = np.sqrt(power).astype(np.float32)
-    for rows in azimuth_blocks(sensor.azimuths):
-        wanted = _expected_amplitude(power[rows], sensor)
+    for block in azimuth_blocks(sensor.azimuths):
+        wanted = _expected_amplitude(power[block], sensor)
         for _ in range(_ROUNDS):
-            found = np.abs(spectrum(beat(grid[rows].astype(np.complex64), sensor), sensor))
+            found = np.abs(spectrum(beat(grid[block].astype(np.complex64), sensor), sensor))
             change = np.divide(wanted, found, out=np.ones_like(wanted), where=found > 0)
-            grid[rows, : sensor.bins] *= np.clip(change, 1 / _MOST_CHANGE, _MOST_CHANGE)
+            grid[block, : sensor.bins] *= np.clip(change, 1 / _MOST_CHANGE, _MOST_CHANGE)
     return grid
 
 

@@ -1,7 +1,7 @@
 """The echoes that dominate each cell of a scan: their power, their kind, and the strongest return.
 
-Echoes are summed by range step and kind once. What is asked about a cell is kept (a pure memo: neither the
-order nor the number of questions changes an answer), since settings of the receiver ask about the same cells.
+Echoes are summed by range step and kind once. Results for a cell are kept, since settings of the receiver ask
+for the same cells: a pure memo, so that neither order nor number of queries changes a result.
 """
 
 from collections.abc import Iterator
@@ -62,7 +62,7 @@ class DominantEchoIndex:
         self._steps = steps
         self._cells = sensor.azimuths * steps
         self._sensor = sensor
-        self._known: dict[int, tuple[NDArray[np.bool_], DominantEchoes]] = {}
+        self._memo: dict[bytes, tuple[NDArray[np.bool_], DominantEchoes]] = {}
 
     @cached_property
     def _summed(self) -> "tuple[mi.Float, mi.UInt64]":
@@ -101,7 +101,10 @@ class DominantEchoIndex:
             return DominantEchoes(
                 np.zeros(count, np.float32), np.zeros(count, np.uint8), np.zeros(count, np.uint32)
             )
-        known, found = self._known.setdefault(len(shape), self._empty())
+        key = shape.tobytes()
+        if key not in self._memo:
+            self._memo[key] = self._empty()
+        known, found = self._memo[key]
         new = cells[~known[cells]]
         if len(new):
             found.power[new], found.kind[new], found.source[new] = self._spread(shape, new)
@@ -109,6 +112,7 @@ class DominantEchoIndex:
         return found.at(cells)
 
     def _empty(self) -> tuple[NDArray[np.bool_], DominantEchoes]:
+        """Return a memo without an answer: which cells are known, and room for their dominant echoes."""
         size = self._cells
         nothing = DominantEchoes(
             np.empty(size, np.float32), np.empty(size, np.uint8), np.empty(size, np.uint32)
@@ -124,14 +128,14 @@ class DominantEchoIndex:
         azimuths, steps = np.divmod(cells.astype(np.uint32), np.uint32(self._steps))
         azimuth, step = mi.UInt32(azimuths), mi.UInt32(steps)
         sums = [mi.Float(0) for _ in KINDS]
-        for share, place, valid in self._neighbours(azimuth, step, shape):
+        for share, cell, valid in self._neighbours(azimuth, step, shape):
             for kind in range(kinds):
-                sums[kind] += dr.gather(mi.Float, total, place * kinds + kind, valid) * share
+                sums[kind] += dr.gather(mi.Float, total, cell * kinds + kind, valid) * share
         most = dr.select(sums[1] > sums[0], mi.UInt32(1), 0)
         most = dr.select(sums[2] > dr.maximum(sums[0], sums[1]), 2, most)
         largest, source = mi.Float(-1), mi.UInt32(0)
-        for share, place, valid in self._neighbours(azimuth, step, shape):
-            pair = dr.gather(mi.UInt64, best, place * kinds + most, valid)
+        for share, cell, valid in self._neighbours(azimuth, step, shape):
+            pair = dr.gather(mi.UInt64, best, cell * kinds + most, valid)
             power = dr.reinterpret_array(mi.Float, mi.UInt32(pair >> 32)) * share
             better = valid & (power > largest)
             largest = dr.select(better, power, largest)
@@ -145,6 +149,6 @@ class DominantEchoIndex:
     ) -> "Iterator[tuple[float, mi.UInt32, mi.Bool]]":
         """Yield share, number and existence of each step in range within the point spread."""
         for offset in range(-len(shape) + 1, len(shape)):
-            place = mi.Int32(step) + offset
-            valid = (place >= 0) & (place < self._steps)
-            yield float(shape[abs(offset)]), mi.UInt32(mi.Int32(azimuth * self._steps) + place), valid
+            cell = mi.Int32(step) + offset
+            valid = (cell >= 0) & (cell < self._steps)
+            yield float(shape[abs(offset)]), mi.UInt32(mi.Int32(azimuth * self._steps) + cell), valid

@@ -107,7 +107,7 @@ def picked(arrays: _Bundle, index: "mi.UInt32") -> _Bundle:
     """Return some entries of a batch of rays, paths or hits.
 
     Fields that are one array stay one array. Call `dr.eval` on the batch first: each array that is not
-    evaluated yet would cost a kernel of its own.
+    evaluated yet would cost another kernel.
 
     Args:
         arrays: Dataclass of evaluated Dr.Jit arrays (N).
@@ -197,7 +197,7 @@ class BounceSampler:
         return dr.dot(flat, rays.direction), real * scale, imag * scale
 
     def same_path_returns(self, rays: RayBatch, hits: Hits, *, depth: int) -> ReturnPaths:
-        """Return the paths that return the way they came: direct at depth 1, mirror ghosts beyond.
+        """Return the paths that return along their outward path: direct at depth 1, mirror ghosts beyond.
 
         Args:
             rays: Rays (N) that met something.

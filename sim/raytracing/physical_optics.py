@@ -107,11 +107,11 @@ def _phase_factor(path_m: NDArray, wavelength_m: float) -> NDArray[np.complex128
 
 def _point(target: Target, radar: Vectors, *, wavelength_m: float) -> SurfacePaths:
     """Return the one path over a point of cross-section sigma: |sum| = sqrt(sigma / 4 pi) lambda / R^2."""
-    place = np.array([target.position_m])
-    range_m = np.linalg.norm(place - radar, axis=1)
+    point = np.array([target.position_m])
+    range_m = np.linalg.norm(point - radar, axis=1)
     size = math.sqrt(target.rcs_m2 / (4 * math.pi)) * wavelength_m / range_m**2
     return SurfacePaths(
-        first=place, last=place, path_m=2 * range_m, amplitude=size * _phase_factor(2 * range_m, wavelength_m)
+        first=point, last=point, path_m=2 * range_m, amplitude=size * _phase_factor(2 * range_m, wavelength_m)
     )
 
 
@@ -147,7 +147,7 @@ def _cylinder(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: c
     step_m = height / count
     z = (np.arange(count) + 0.5) * step_m - height / 2 + target.position_m[2]
     ahead = radar[:2] + away[:2] * (surface_m / centre_m)
-    place = np.column_stack([np.tile(ahead, (count, 1)), z]).astype(np.float64)
+    point = np.column_stack([np.tile(ahead, (count, 1)), z]).astype(np.float64)
     range_m = np.hypot(surface_m, z - radar[2])
     cosine = surface_m / range_m
     gamma = np.abs(reflection(epsilon, cosine)[1])  # upright: a vertical wave is TM
@@ -155,7 +155,7 @@ def _cylinder(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: c
     smear = np.sinc(2 * (z - radar[2]) / range_m * step_m / wavelength_m)
     size = gamma * cosine * across * smear * step_m / range_m**2
     phase = _phase_factor(2 * range_m, wavelength_m) * -np.exp(-0.25j * math.pi)
-    return SurfacePaths(first=place, last=place, path_m=2 * range_m, amplitude=size * phase)
+    return SurfacePaths(first=point, last=point, path_m=2 * range_m, amplitude=size * phase)
 
 
 # ---------------------------------------------------------------------- plates and corners
@@ -251,48 +251,48 @@ class _Patches:
         half = (i + j == steps[0] - 1) & self.triangular
         middle = np.where(half, 1 / 3, 1 / 2)
         u, v = (((k + middle) / n)[None, :, None] for k, n in zip((i, j), steps, strict=True))
-        place = self.corner[:, None] + u * self.first[:, None] + v * self.second[:, None]
+        point = self.corner[:, None] + u * self.first[:, None] + v * self.second[:, None]
         whole = np.linalg.norm(np.cross(self.first, self.second), axis=1) / (steps[0] * steps[1])
         area = whole[:, None] * np.where(half, 0.5, 1.0)
-        return np.repeat(np.arange(len(self.corner)), len(i)), place.reshape(-1, 3), area.ravel()
+        return np.repeat(np.arange(len(self.corner)), len(i)), point.reshape(-1, 3), area.ravel()
 
-    def next(self, place: Vectors, direction: Vectors, own: NDArray) -> tuple[NDArray[np.int64], NDArray]:
-        """Return the next patch (S,) that rays from `place` (S, 3) on patch `own` (S,) meet, -1 for none.
+    def next(self, point: Vectors, direction: Vectors, start: NDArray) -> tuple[NDArray[np.int64], NDArray]:
+        """Return the next patch (S,) that rays from `point` (S, 3) on patch `start` (S,) meet, -1 for none.
 
         With it the distance (S,) along the unit `direction` (S, 3) [m].
         """
-        nearest, best = np.full(len(place), -1), np.full(len(place), np.inf)
+        nearest, best = np.full(len(point), -1), np.full(len(point), np.inf)
         for patch in range(len(self.corner)):
             closing = direction @ self.normal[patch]
             with np.errstate(divide="ignore", invalid="ignore"):
-                distance = ((self.corner[patch] - place) @ self.normal[patch]) / closing
-                offset = place + direction * distance[:, None] - self.corner[patch]
+                distance = ((self.corner[patch] - point) @ self.normal[patch]) / closing
+                offset = point + direction * distance[:, None] - self.corner[patch]
             u, v = offset @ self._duals[0][patch], offset @ self._duals[1][patch]
             inside = (u >= 0) & (v >= 0) & ((u + v <= 1) if self.triangular else (u <= 1) & (v <= 1))
-            nearer = inside & (distance > 0) & (distance < best) & (own != patch)
+            nearer = inside & (distance > 0) & (distance < best) & (start != patch)
             nearest, best = np.where(nearer, patch, nearest), np.where(nearer, distance, best)
         return nearest, best
 
 
 def _illuminated(shape: _Patches, radar: Vectors, steps: tuple[int, int]) -> _Tubes:
     """Return the tubes from the radar to all cells that no other patch hides."""
-    patch, place, area = shape.grid(steps)
-    away = place - radar
+    patch, point, area = shape.grid(steps)
+    away = point - radar
     length = np.linalg.norm(away, axis=1)
     direction = away / length[:, None]
     solid = area * np.abs(_dot(direction, shape.normal[patch])) / length**2
-    lit = (shape.next(place, -direction, patch)[0] < 0) & (solid > 0)
+    lit = (shape.next(point, -direction, patch)[0] < 0) & (solid > 0)
     ends = [(edge / n)[patch] for edge, n in zip((shape.first, shape.second), steps, strict=True)]
     across, along = ((end - direction * _dot(end, direction)[:, None]) / length[:, None] for end in ends)
     return _Tubes(
-        first=place,
-        point=place,
+        first=point,
+        point=point,
         direction=direction,
         across=across,
         along=along,
         travelled=length,
         solid=solid,
-        gamma=np.ones(len(place)),
+        gamma=np.ones(len(point)),
         patch=patch,
     ).take(lit)
 

@@ -206,7 +206,7 @@ class _Met:
 
 
 def _returns(paths: ReturnPaths, met: Sequence[_Met]) -> Returns:
-    """Describe return paths; a same-path return of order 2 d - 1 met d surfaces on its way out."""
+    """Describe return paths; a same-path return of order 2 d - 1 met d surfaces on its outward path."""
     number, count = paths.number.numpy(), dr.width(paths.azimuth)
     depth = paths.bounces if paths.back is not paths.out else (paths.bounces + 1) // 2
     surfaces = [each.instance[np.searchsorted(each.number, number)] for each in met[:depth]]
