@@ -1,41 +1,158 @@
-"""The house: imports go scenes -> sim -> learn -> eval -> cli, and every module says what it is for."""
-
-import ast
-from pathlib import Path
+"""The order of folders and packages, import circles, sizes of folders, and where tests lie."""
 
 import pytest
 
+from tests.layering import (
+    LAYERS,
+    MAX_MODULES,
+    PACKAGE_ORDER,
+    circles,
+    crowded_folders,
+    forbidden_imports,
+    import_graph,
+    sources_of,
+    unmirrored_tests,
+    untested_packages,
+    wrong_layers,
+    wrong_packages,
+)
 from tests.paths import ROOT
 
-LAYERS = ("scenes", "sim", "learn", "eval", "cli")
-MODULES = sorted(path for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
+SOURCES = sources_of(ROOT)
+GRAPH = import_graph(SOURCES)
+MODULES = sorted(str(path.relative_to(ROOT)) for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
+TESTS = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests").rglob("test_*.py"))
+
+# ---------------------------------------------------------------------- the project
 
 
-def _imported(tree: ast.AST) -> set[str]:
-    """The layers that a module imports, at its top or inside a function."""
-    names: list[str] = []
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names += [f"{node.module}.{alias.name}" for alias in node.names]
-    return {name.split(".")[1] for name in names if name.startswith("echoscape.")}
+def test_the_graph_is_that_of_the_project() -> None:
+    assert len(GRAPH) > 150
+    assert sum(map(len, GRAPH.values())) > 500
+    assert GRAPH["cli.drift"] >= {"eval.odometry.kitti_drift", "cli.arguments"}
+    for layer, levels in PACKAGE_ORDER.items():
+        named = {package for level in levels for package in level}
+        assert named == {name.split(".")[1] for name in GRAPH if name.startswith(f"{layer}.")}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_module_imports_only_what_flows_towards_it_and_says_its_job(path: Path) -> None:
-    tree = ast.parse(path.read_text())
-    own = LAYERS.index(path.relative_to(ROOT).parts[0])
-    assert _imported(tree) <= set(LAYERS[: own + 1])
-    assert ast.get_docstring(tree)
+def test_imports_follow_the_order_of_layers() -> None:
+    assert wrong_layers(GRAPH) == []
 
 
-def test_there_are_modules_to_look_at() -> None:
-    assert len(MODULES) > 50
+def test_imports_follow_the_order_of_packages() -> None:
+    assert wrong_packages(GRAPH) == []
 
 
-def test_imports_are_seen_wherever_they_stand() -> None:
-    source = (
-        "def f():\n    from echoscape.cli import simulate\nimport echoscape.sim.simulator\nimport numpy\n"
+def test_ray_tracer_and_receiver_do_not_meet_and_learning_knows_the_datasets_only() -> None:
+    assert forbidden_imports(GRAPH) == []
+
+
+def test_no_modules_import_each_other() -> None:
+    assert circles(GRAPH) == []
+
+
+def test_no_folder_is_crowded() -> None:
+    assert crowded_folders(MODULES) == []
+
+
+def test_tests_lie_where_their_modules_lie() -> None:
+    assert unmirrored_tests(TESTS, MODULES) == []
+    assert untested_packages(TESTS, MODULES) == []
+
+
+# ---------------------------------------------------------------------- the rules, on small graphs
+
+SMALL = {
+    "scenes": "",
+    "scenes.core.scene": "",
+    "scenes.core.checks": "",
+    "scenes.io.user_scene": "from echoscape.scenes.core import scene, checks",
+    "sim.echoes": "from echoscape.scenes.core.scene import Scene",
+    "sim.datasets.polar_scan": "import numpy",
+    "sim.receiver.receiver": "from echoscape.sim.echoes import Echoes",
+    "sim.raytracing.tracer": "import echoscape.sim.echoes",
+    "sim.simulator": "import echoscape.sim.raytracing.tracer, echoscape.sim.receiver.receiver",
+    "learn.model.unet": "from echoscape.sim.datasets.polar_scan import PolarScan",
+    "eval.figures.style": "",
+    "eval.odometry.run": "from echoscape.eval.figures import style\nimport echoscape.learn.model.unet",
+    "eval.fidelity.score": "import echoscape.eval.figures.style",
+    "cli.main": "def main():\n    from echoscape.eval.odometry.run import run_odometry",
+}
+IN_FUNCTION = "def f():\n    {}"
+FOR_TYPES = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    {}"
+RULES = {
+    "layers": wrong_layers,
+    "packages": wrong_packages,
+    "forbidden": forbidden_imports,
+    "circles": circles,
+}
+ADDED = [
+    ("layers", "sim.echoes", "from echoscape.learn.model.unet import UNet", "learn.model.unet"),
+    ("layers", "scenes.core.scene", "import echoscape.cli.main", "cli.main"),
+    ("packages", "scenes.core.scene", "from echoscape.scenes.io import user_scene", "scenes.io.user_scene"),
+    ("packages", "sim.raytracing.tracer", "import echoscape.sim.simulator", "sim.simulator"),
+    ("packages", "eval.fidelity.score", "from echoscape.eval.odometry import run", "eval.odometry.run"),
+    ("packages", "eval.figures.style", "from echoscape.eval.fidelity.score import A", "eval.fidelity.score"),
+    (
+        "forbidden",
+        "sim.raytracing.tracer",
+        "from echoscape.sim.receiver.receiver import received",
+        "sim.receiver.receiver",
+    ),
+    ("forbidden", "sim.receiver.receiver", "import echoscape.sim.raytracing.tracer", "sim.raytracing.tracer"),
+    ("forbidden", "learn.model.unet", "from echoscape.sim.echoes import Echoes", "sim.echoes"),
+    ("forbidden", "learn.model.unet", "import echoscape.sim.simulator", "sim.simulator"),
+]
+
+
+@pytest.mark.parametrize("rule", RULES.values(), ids=RULES)
+def test_the_small_graph_breaks_no_rule(rule) -> None:
+    assert rule(import_graph(SMALL)) == []
+
+
+@pytest.mark.parametrize("where", ["{}", IN_FUNCTION, FOR_TYPES], ids=["top", "function", "types"])
+@pytest.mark.parametrize(("rule", "module", "line", "imported"), ADDED)
+def test_one_such_import_is_found(rule: str, module: str, line: str, imported: str, where: str) -> None:
+    graph = import_graph({**SMALL, module: SMALL[module] + "\n" + where.format(line)})
+    assert RULES[rule](graph) == [(module, imported)]
+
+
+@pytest.mark.parametrize("where", ["{}", IN_FUNCTION, FOR_TYPES], ids=["top", "function", "types"])
+def test_circles_are_found(where: str) -> None:
+    added = where.format("import echoscape.scenes.core.checks")
+    graph = import_graph({**SMALL, "scenes.core.scene": added})
+    assert circles(graph) == []
+    back = import_graph(
+        {**SMALL, "scenes.core.scene": added, "scenes.core.checks": "import echoscape.sim.echoes"}
     )
-    assert _imported(ast.parse(source)) == {"cli", "sim"}
+    assert circles(back) == [["scenes.core.checks", "scenes.core.scene", "sim.echoes"]]
+
+
+def test_a_module_that_imports_itself_is_a_circle() -> None:
+    assert circles({"a": {"a"}, "b": {"a"}}) == [["a"]]
+
+
+def test_packages_without_a_place_are_refused() -> None:
+    graph = import_graph({**SMALL, "sim.other.thing": "from echoscape.sim.echoes import Echoes"})
+    with pytest.raises(ValueError, match=r"sim\.other has no place in the order of packages"):
+        wrong_packages(graph)
+
+
+def test_crowded_folders_are_found() -> None:
+    paths = [f"sim/a/m{number}.py" for number in range(MAX_MODULES)] + ["sim/a/__init__.py", "sim/a/b/c.py"]
+    assert crowded_folders(paths) == []
+    assert crowded_folders([*paths, "sim/a/one_more.py"]) == ["sim/a"]
+
+
+def test_tests_elsewhere_and_packages_without_tests_are_found() -> None:
+    modules = ["sim/__init__.py", "sim/echoes.py", "sim/receiver/quantiser.py"]
+    tests = ["tests/test_api.py", "tests/physics/test_link.py", "tests/sim/test_echoes_origin.py"]
+    assert unmirrored_tests(tests, modules) == []
+    assert untested_packages(tests, modules) == ["sim/receiver"]
+    moved = "tests/sim/test_quantiser.py"
+    assert unmirrored_tests([*tests, moved], modules) == [moved]
+
+
+@pytest.mark.parametrize("name", sorted(SOURCES))
+def test_every_module_says_what_it_is_for(name: str) -> None:
+    assert SOURCES[name].lstrip().startswith('"""')
