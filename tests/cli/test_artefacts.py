@@ -1,4 +1,4 @@
-"""`echoscape artefacts`: pictures and a table, or one line on what is wrong and nothing left behind."""
+"""`echoscape artefacts`: figures and a table, or one line on what is wrong, and nothing left behind."""
 
 from pathlib import Path
 
@@ -9,19 +9,19 @@ from echoscape.cli.__main__ import main
 EMPTY = "--preset empty --seed 5 --scans 2"
 
 
-def test_pictures_are_written_and_changes_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_figures_are_written_and_changes_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     words = f"{out} {EMPTY} --artefacts.leakage 0.25 --only leakage quantisation".split()
     assert main(["artefacts", *words]) == 0
-    told = capsys.readouterr().out
+    message = capsys.readouterr().out
     assert {path.name for path in out.iterdir()} == {"leakage.png", "quantisation.png", "artefacts.md"}
-    assert "×0.25" in told
-    assert all(str(path) in told for path in out.iterdir())
+    assert "×0.25" in message
+    assert all(str(path) in message for path in out.iterdir())
     assert "| leakage | ×0.25 |" in (out / "artefacts.md").read_text()
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         ("--scan 2", "scan must be between 0 and 1, got 2"),
         ("--scan -1", "scan must be between 0 and 1, got -1"),
@@ -32,28 +32,28 @@ def test_pictures_are_written_and_changes_told(tmp_path: Path, capsys: pytest.Ca
         ("--layout oxford", "--layout"),
     ],
 )
-def test_bad_input_is_told_in_a_line_and_leaves_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: str, told: str
+def test_bad_input_is_refused_in_one_line_and_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: str, message: str
 ) -> None:
     assert main(["artefacts", str(tmp_path / "a"), *EMPTY.split(), *words.split()]) == 2
     line = capsys.readouterr().err
     assert line.startswith("echoscape artefacts: ")
-    assert told in line
+    assert message in line
     assert len(line.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_help_offers_nothing_of_folders(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_has_no_options_for_folders(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["artefacts", "--help"])
-    told = capsys.readouterr().out
-    assert "--keep-beat" not in told
-    assert "--layout" not in told
-    assert "Scans to make" not in told
-    assert "Length of the drive in scans" in told
+    message = capsys.readouterr().out
+    assert "--keep-beat" not in message
+    assert "--layout" not in message
+    assert "Scans to make" not in message
+    assert "Length of the drive in scans" in message
 
 
-def test_a_file_in_the_folders_place_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a").write_text("dear")
     assert main(["artefacts", str(tmp_path / "a"), *EMPTY.split()]) == 2
     assert "OUT must be a folder" in capsys.readouterr().err

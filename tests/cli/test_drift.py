@@ -66,7 +66,7 @@ def test_published_figures(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("estimate", "words", "told"),
+    ("estimate", "words", "message"),
     [
         ("absent.txt", [], "absent.txt: cannot be read"),
         ("bad.txt", [], "bad.txt: line 1 is no pose"),
@@ -75,8 +75,8 @@ def test_published_figures(capsys: pytest.CaptureFixture[str]) -> None:
         ("t.txt", ["--speed", "3"], "--speed"),
     ],
 )
-def test_what_is_wrong_is_told_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], estimate: str, words: list[str], told: str
+def test_what_is_wrong_is_reported_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], estimate: str, words: list[str], message: str
 ) -> None:
     truth = write_drive(tmp_path / "t.txt", frames=20, step_m=1.0)
     write_drive(tmp_path / "short.txt", frames=19, step_m=1.0)
@@ -84,5 +84,5 @@ def test_what_is_wrong_is_told_in_a_line(
     assert main(["drift", "--estimate", str(tmp_path / estimate), "--truth", truth, *words]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
-    assert told in captured.err
+    assert message in captured.err
     assert len(captured.err.splitlines()) == 1

@@ -1,4 +1,4 @@
-"""The help of every subcommand: each option says what it means, and defaults told in words are the code's."""
+"""The help of every subcommand: each option has a meaning, and defaults given in words are the code's."""
 
 import re
 from fractions import Fraction
@@ -47,7 +47,7 @@ def test_every_option_says_what_it_means(
     assert [name for name, meaning in options.items() if not re.search(r"\w", meaning)] == []
 
 
-def test_help_names_the_strengths_that_the_default_sensor_has_of_its_own(
+def test_help_names_the_default_strengths_of_the_default_sensor(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     options = _options("simulate", monkeypatch, capsys)
@@ -56,8 +56,8 @@ def test_help_names_the_strengths_that_the_default_sensor_has_of_its_own(
     assert [name for name, value in vars(Artefacts()).items() if value is None] == list(own)
     for name in own:
         meaning = options[f"--artefacts.{name.replace('_', '-')}"]
-        (told,) = re.findall(r"by default the sensor's own, ([\d./]+) .* for the CTS350-X", meaning)
-        digits = len(told.split("/")[-1].replace(".", "").lstrip("0"))
-        assert float(Fraction(told)) == pytest.approx(
+        (given,) = re.findall(r"by default the sensor's own, ([\d./]+) .* for the CTS350-X", meaning)
+        digits = len(given.split("/")[-1].replace(".", "").lstrip("0"))
+        assert float(Fraction(given)) == pytest.approx(
             getattr(strengths, name), rel=0.5 * 10.0 ** (1 - digits)
         )

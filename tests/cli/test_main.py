@@ -12,19 +12,17 @@ from echoscape.cli import __main__ as command
 from tests.paths import ROOT
 
 YARD = str(ROOT / "examples" / "yard.toml")
-NOBODY_READS = 128 + signal.SIGPIPE
-"""What a shell says of a command that SIGPIPE ended."""
+SIGPIPE_EXIT = 128 + signal.SIGPIPE
+"""The exit code of a command that SIGPIPE ended."""
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("words", [["--help"], ["simulate", "--help"], ["scene", "OUT", "--scene", YARD]])
-def test_output_that_nobody_reads_ends_the_command_quietly(
-    tmp_path: Path, words: list[str], unbuffered: str
-) -> None:
+def test_a_closed_output_ends_the_command_quietly(tmp_path: Path, words: list[str], unbuffered: str) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     try:
-        told = subprocess.run(
+        done = subprocess.run(
             [sys.executable, "-m", "echoscape.cli.__main__", *words],
             stdout=writer,
             stderr=subprocess.PIPE,
@@ -35,9 +33,9 @@ def test_output_that_nobody_reads_ends_the_command_quietly(
         )
     finally:
         os.close(writer)
-    assert told.returncode == NOBODY_READS
-    assert "Traceback" not in told.stderr
-    assert "BrokenPipe" not in told.stderr
+    assert done.returncode == SIGPIPE_EXIT
+    assert "Traceback" not in done.stderr
+    assert "BrokenPipe" not in done.stderr
 
 
 def test_another_broken_pipe_is_no_reader_gone(monkeypatch: pytest.MonkeyPatch) -> None:

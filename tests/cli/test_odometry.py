@@ -1,4 +1,4 @@
-"""`echoscape odometry`: files and figures of a run, or one line on what is wrong and nothing left behind."""
+"""`echoscape odometry`: files and figures of a run, or one line on what is wrong, and nothing left behind."""
 
 import json
 from pathlib import Path
@@ -47,9 +47,9 @@ def test_run_writes_motion_figures_and_pictures(
 ) -> None:
     out = tmp_path / "new" / "out"
     assert main(["odometry", str(points), "--out", str(out), "--method", "fourier"]) == 0
-    said = capsys.readouterr().out
-    assert "none failed" in said
-    assert str(out / "metrics.json") in said
+    output = capsys.readouterr().out
+    assert "none failed" in output
+    assert str(out / "metrics.json") in output
     found = json.loads((out / "metrics.json").read_text())
     assert (found["method"], found["pairs"], found["failed_pairs"]) == ("fourier", 1, 0)
     assert found["translation_error_m_mean"] < 0.1
@@ -60,7 +60,7 @@ def test_run_writes_motion_figures_and_pictures(
     assert not [path for path in out.iterdir() if path.name.startswith(".")]
 
 
-def test_learned_run_tells_its_matches(points: Path, weights: Path, tmp_path: Path) -> None:
+def test_learned_run_writes_its_matches(points: Path, weights: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["odometry", str(points), "--out", str(out), "--weights", str(weights)]) == 0
     found = json.loads((out / "metrics.json").read_text())
@@ -70,7 +70,7 @@ def test_learned_run_tells_its_matches(points: Path, weights: Path, tmp_path: Pa
     assert (out / "matches.png").is_file()
 
 
-def test_pairs_alone_and_points_as_they_are_are_asked_for_by_flags(
+def test_the_robust_solver_without_compensation_is_chosen_by_options(
     points: Path, weights: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
@@ -79,7 +79,7 @@ def test_pairs_alone_and_points_as_they_are_are_asked_for_by_flags(
     assert json.loads((out / "metrics.json").read_text())["method"] == "learned, pairs alone, not compensated"
 
 
-def test_the_sensor_says_by_how_much_what_approaches_seems_too_near(
+def test_the_doppler_shift_is_that_of_the_sensor(
     points: Path, weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[float | None] = []
@@ -126,16 +126,16 @@ def test_run_in_which_every_pair_fails_is_written_and_fails(
     broken.write_bytes(broken.read_bytes()[:200])
     out = tmp_path / "out"
     assert main(["odometry", str(folder), "--out", str(out), "--method", "fourier"]) == 1
-    told = capsys.readouterr()
-    assert "1 failed" in told.out
-    assert str(broken) in told.err.splitlines()[-1]
+    captured = capsys.readouterr()
+    assert "1 failed" in captured.out
+    assert str(broken) in captured.err.splitlines()[-1]
     found = json.loads((out / "metrics.json").read_text())
     assert (found["pairs"], found["failed_pairs"], found["pairs_with_truth"]) == (1, 1, 0)
     assert found["pairs_per_s"] is None
     assert not (out / "matches.png").exists()
 
 
-def test_what_is_wrong_is_told(points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_is_refused(points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = str(tmp_path / "out")
     assert "no such folder" in refusal(capsys, str(tmp_path / "absent"), "--out", out)
     assert "--method" in refusal(capsys, str(points), "--out", out, "--method", "magic")
@@ -166,7 +166,7 @@ def test_one_thread_is_the_default(points: Path, weights: Path, tmp_path: Path) 
     assert torch.get_num_threads() == 1
 
 
-def test_threads_and_devices_that_are_none_are_refused(
+def test_bad_threads_and_devices_are_refused(
     points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = ("--out", str(tmp_path / "out"))

@@ -30,18 +30,18 @@ def test_folder_holds_model_plan_and_numbers(yard: Path) -> None:
 
 
 def test_numbers_are_those_of_the_yard(yard: Path) -> None:
-    told = json.loads((yard / "scene.json").read_text())
+    numbers = json.loads((yard / "scene.json").read_text())
     # By hand: 2 on the ground, five boxes of 5 sides, 2 for the door, 3 for the corner reflector.
-    assert told["triangles_stored"] == told["triangles_placed"] == 2 + 5 * 10 + 2 + 3
-    objects = {name: count["objects"] for name, count in told["classes"].items()}
+    assert numbers["triangles_stored"] == numbers["triangles_placed"] == 2 + 5 * 10 + 2 + 3
+    objects = {name: count["objects"] for name, count in numbers["classes"].items()}
     assert objects == {"road": 1, "building": 2, "wall": 3, "target": 1}
-    areas = {name: count["area_m2"] for name, count in told["materials"].items()}
+    areas = {name: count["area_m2"] for name, count in numbers["materials"].items()}
     assert_allclose(areas["asphalt"], 60 * 40)
     # The door, and three right-angled triangles with legs of 0.3 m.
     assert_allclose(areas["metal"], 3 * 3 + 3 * 0.3**2 / 2, rtol=1e-5)
     assert_allclose(areas["concrete"], (12 * 8 + 2 * (12 + 8) * 4) + (0.2**2 + 4 * 0.2 * 8), rtol=1e-5)
-    assert_allclose((told["low_m"], told["high_m"]), ((-10, -20, 0), (50, 20, 8)))
-    assert told["targets"][0]["position_m"] == [20, 10, 1.5]
+    assert_allclose((numbers["low_m"], numbers["high_m"]), ((-10, -20, 0), (50, 20, 8)))
+    assert numbers["targets"][0]["position_m"] == [20, 10, 1.5]
 
 
 def test_the_model_has_as_many_triangles(yard: Path) -> None:
@@ -51,8 +51,8 @@ def test_the_model_has_as_many_triangles(yard: Path) -> None:
 
 def test_the_plan_shows_walls_drive_and_target_in_their_places(yard: Path) -> None:
     with Image.open(yard / "plan.png") as page:
-        picture = np.asarray(page.convert("RGB")).astype(int)
-    height, width, _ = picture.shape
+        image = np.asarray(page.convert("RGB")).astype(int)
+    height, width, _ = image.shape
     # The plan is 0.7 of the width and 0.875 of the height, the yard's middle in its own.
     left, bottom, wide = 0.035 * width, (1 - 0.045) * height, 0.70 * width
     pixel_m = 2 * (0.53 * 60 + 1) / wide
@@ -60,7 +60,7 @@ def test_the_plan_shows_walls_drive_and_target_in_their_places(yard: Path) -> No
     def colour(x: float, y: float) -> list[int]:
         column = left + wide / 2 + (x - 20) / pixel_m
         row = bottom - 0.875 * height / 2 - y / pixel_m
-        return picture[round(row), round(column)].tolist()
+        return image[round(row), round(column)].tolist()
 
     assert colour(12, 1) == [255, 180, 84]  # a way-point: the drive
     assert colour(20, 10) == [255, 95, 162]  # the target
@@ -73,19 +73,19 @@ def test_the_plan_shows_walls_drive_and_target_in_their_places(yard: Path) -> No
 
 def test_a_table_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scene", str(tmp_path / "a"), *YARD, "--targets", str(EXAMPLES / "targets.toml")]) == 0
-    told = capsys.readouterr()
+    output = capsys.readouterr()
     # Another reflector, a wall of 12 triangles, and a point that has none.
-    assert "72 stored, 72 placed" in told.out
-    assert all(word in told.out for word in ("asphalt", "building", "size"))
-    assert "world" in told.err
-    assert "plan" in told.err
+    assert "72 stored, 72 placed" in output.out
+    assert all(word in output.out for word in ("asphalt", "building", "size"))
+    assert "world" in output.err
+    assert "plan" in output.err
 
 
 def test_a_preset_is_drawn_with_its_drive(tmp_path: Path) -> None:
     assert main(["scene", str(tmp_path / "a"), "--preset", "empty", "--seed", "3", "--scans", "4"]) == 0
-    told = json.loads((tmp_path / "a" / "scene.json").read_text())
-    assert told["world"] == "empty, seed 3"
-    assert_allclose(told["drive_s"], 1 + 4 * 0.25325, atol=0.01)
+    numbers = json.loads((tmp_path / "a" / "scene.json").read_text())
+    assert numbers["world"] == "empty, seed 3"
+    assert_allclose(numbers["drive_s"], 1 + 4 * 0.25325, atol=0.01)
 
 
 BAD = {
@@ -99,18 +99,18 @@ BAD = {
 
 
 @pytest.mark.parametrize("words", BAD)
-def test_bad_input_is_told_in_a_line_and_leaves_nothing(
+def test_bad_input_is_refused_in_one_line_and_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: str
 ) -> None:
     assert main(["scene", str(tmp_path / "a"), *words.format(yard=YARD[1]).split()]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("echoscape scene: ")
-    assert BAD[words] in told
-    assert len(told.splitlines()) == 1
+    output = capsys.readouterr().err
+    assert output.startswith("echoscape scene: ")
+    assert BAD[words] in output
+    assert len(output.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_folder_is_told_and_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_full_folder_is_refused_and_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "diary.txt").write_text("dear")
     assert main(["scene", str(tmp_path), *YARD]) == 2
     assert "OUT must be empty or new" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""The command: help at once, bad input told in a line and nothing left behind, a good run whole."""
+"""The command: help, bad input refused in one line, nothing left behind, a good run whole."""
 
 import json
 import subprocess
@@ -59,8 +59,8 @@ BAD = {
     "--drive.wander-m 1e9": "drive.wander_m must be between 0 and 2, got 1e+09",
     "--drive.route.revisit-share 2": "drive.route.revisit_share must be between 0 and 1, got 2",
     "--drive.speed.stop-chance 2": "drive.speed.stop_chance must be between 0 and 1, got 2",
-    "--drive.speed.town-cruise-mps 9 5 2": "town_cruise_mps must not fall from low to high, got 9 5 2",
-    "--drive.speed.brake-mps2 2 1": "drive.speed.brake_mps2 must not fall from low to high, got 2 1",
+    "--drive.speed.town-cruise-mps 9 5 2": "town_cruise_mps must not decrease from low to high, got 9 5 2",
+    "--drive.speed.brake-mps2 2 1": "drive.speed.brake_mps2 must not decrease from low to high, got 2 1",
     "--drive.speed.brake-mps2 0 0": "drive.speed.brake_mps2 must be finite and above 0, got 0 0",
     "--drive.speed.bend-mps2 0 0": "drive.speed.bend_mps2 must be finite and above 0, got 0 0",
     "--drive.speed.stop-s -1": "drive.speed.stop_s must be 0 or more, got -1",
@@ -80,7 +80,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("words", BAD)
-def test_bad_input_is_told_and_leaves_nothing(
+def test_bad_input_is_refused_and_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: str
 ) -> None:
     assert _exit_code(["simulate", str(tmp_path / "set"), *words.split()]) == 2
@@ -92,7 +92,7 @@ def test_bad_input_is_told_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_a_word_the_folder_is_missed(
+def test_without_arguments_the_folder_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -103,7 +103,7 @@ def test_without_a_word_the_folder_is_missed(
 
 
 @pytest.mark.parametrize("command", ["simulate", "scene", "artefacts", "view"])
-def test_empty_argument_is_not_the_present_folder(
+def test_empty_argument_is_not_the_current_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -122,14 +122,16 @@ def _exit_code(words: list[str]) -> int:
         return int(leaving.code or 0)
 
 
-def test_full_folder_is_told_and_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_full_folder_is_refused_and_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "diary.txt").write_text("dear")
     assert main(["simulate", str(tmp_path), *SMALL]) == 2
     assert "OUT must be empty or new" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]
 
 
-def test_file_in_the_place_of_the_folder_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_file_in_the_place_of_the_folder_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "file").write_text("")
     assert main(["simulate", str(tmp_path / "file"), *SMALL]) == 2
     assert "OUT must be a folder" in capsys.readouterr().err
@@ -147,7 +149,7 @@ def test_run_makes_a_dataset_with_a_preview_and_sums_up(
     assert "2 of 400 azimuths x 3768 bins" in capsys.readouterr().out
 
 
-def test_damage_that_only_the_summary_meets_is_told_in_a_line(
+def test_damage_that_only_the_summary_meets_is_reported_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def damaged(*arguments: object, **settings: object) -> None:
@@ -164,9 +166,9 @@ def test_damage_that_only_the_summary_meets_is_told_in_a_line(
 @pytest.fixture
 def configs(monkeypatch: pytest.MonkeyPatch) -> list[SimulationConfig]:
     """What the command would make."""
-    told: list[SimulationConfig] = []
-    monkeypatch.setattr(simulate, "_simulate", lambda options, config: told.append(config) or 0)
-    return told
+    made: list[SimulationConfig] = []
+    monkeypatch.setattr(simulate, "_simulate", lambda options, config: made.append(config) or 0)
+    return made
 
 
 @pytest.mark.parametrize(
@@ -200,17 +202,17 @@ def test_radar_from_a_file(tmp_path: Path, configs: list[SimulationConfig]) -> N
     assert configs[0].folder_layout.name == "oxford"
 
 
-def test_own_scene_that_does_not_fit_is_told_and_leaves_nothing(
+def test_custom_scene_that_does_not_fit_is_refused_and_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "set"
     assert main(["simulate", str(out), "--scene", str(EXAMPLES / "yard.toml"), "--scans", "99"]) == 2
-    told = capsys.readouterr().err.splitlines()[-1]
-    assert told.startswith("echoscape simulate: scans must be 29 or fewer: the drive lasts 7.59 s")
+    output = capsys.readouterr().err.splitlines()[-1]
+    assert output.startswith("echoscape simulate: scans must be 29 or fewer: the drive lasts 7.59 s")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_own_scene_and_targets_make_a_dataset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_custom_scene_and_targets_make_a_dataset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = ["--scene", str(EXAMPLES / "yard.toml"), "--targets", str(EXAMPLES / "targets.toml")]
     small = ["--scans", "1", "--trace.rays", "16", "--no-preview"]
     assert main(["simulate", str(tmp_path / "set"), *files, *small]) == 0
@@ -220,12 +222,12 @@ def test_own_scene_and_targets_make_a_dataset(tmp_path: Path, capsys: pytest.Cap
     assert len(config["targets"]) == 3
 
 
-def test_files_are_no_settings_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+def test_contents_of_files_are_not_options(capsys: pytest.CaptureFixture[str]) -> None:
     assert _exit_code(["simulate", "--help"]) == 0
-    told = capsys.readouterr().out
-    assert "--scene {None}|PATH" in told
-    assert "--scene." not in told
-    assert "(default: town)" in told
+    output = capsys.readouterr().out
+    assert "--scene {None}|PATH" in output
+    assert "--scene." not in output
+    assert "(default: town)" in output
 
 
 def _contents(folder: Path) -> dict[str, bytes]:
@@ -274,16 +276,14 @@ def test_options_win_over_the_manifest_of_another_dataset(
     assert "was randomized already" in capsys.readouterr().err
 
 
-def test_a_manifest_that_is_none_is_refused_by_name(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_manifest_is_refused_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", str(tmp_path / "set"), "--from", str(tmp_path / "echoscape.json")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert str(tmp_path) in line
     assert not (tmp_path / "set").exists()
 
 
-def test_unknown_command_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_command_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["stimulate"]) == 2
     assert "unknown command 'stimulate'; commands: simulate" in capsys.readouterr().err
 

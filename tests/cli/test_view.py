@@ -1,4 +1,4 @@
-"""`echoscape view`: one page and its size, or one line on what is wrong and nothing left behind."""
+"""`echoscape view`: one page and its size, or one line on what is wrong, and nothing left behind."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def _refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return line
 
 
-def test_page_is_written_beside_the_data_and_its_size_is_told(
+def test_page_is_written_beside_the_data_and_its_size_is_printed(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["view", str(folder)]) == 0
@@ -35,7 +35,7 @@ def test_page_is_written_beside_the_data_and_its_size_is_told(
     assert page.read_bytes().startswith(b"<!doctype html>")
 
 
-def test_page_goes_where_it_is_told_and_says_the_same_each_time(folder: Path, tmp_path: Path) -> None:
+def test_page_goes_where_out_says_with_the_same_bytes_each_time(folder: Path, tmp_path: Path) -> None:
     assert main(["view", str(folder), "--out", str(tmp_path / "a.html")]) == 0
     assert main(["view", str(folder), "--out", str(tmp_path / "b.html")]) == 0
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
@@ -54,7 +54,7 @@ def test_fewer_scans_and_columns_make_a_smaller_page(folder: Path, tmp_path: Pat
     assert len(set(sizes)) == 3
 
 
-def test_truncated_scan_is_told_by_name_and_the_old_page_stays(
+def test_truncated_scan_is_reported_by_name_and_the_old_page_stays(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "view.html").write_text("old")
@@ -66,14 +66,14 @@ def test_truncated_scan_is_told_by_name_and_the_old_page_stays(
     assert sorted(folder.iterdir()) == before
 
 
-def test_truncated_truth_is_told_by_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_truncated_truth_is_reported_by_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     truth = folder / "truth" / f"{START_US}.npz"
     truth.write_bytes(truth.read_bytes()[:200])
     assert str(truth) in _refusal(capsys, str(folder))
     assert not (folder / "view.html").exists()
 
 
-def test_folders_that_hold_no_scans_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folders_that_hold_no_scans_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "empty").mkdir()
     assert "no scans" in _refusal(capsys, str(tmp_path / "empty"))
     assert list((tmp_path / "empty").iterdir()) == []
@@ -82,7 +82,7 @@ def test_folders_that_hold_no_scans_are_told(tmp_path: Path, capsys: pytest.Capt
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         ("--scans 0", "scans must be 1 or more, got 0"),
         ("--every 0", "every must be 1 or more, got 0"),
@@ -91,14 +91,14 @@ def test_folders_that_hold_no_scans_are_told(tmp_path: Path, capsys: pytest.Capt
         ("--speed 3", "--speed"),
     ],
 )
-def test_bad_options_are_told(
-    folder: Path, capsys: pytest.CaptureFixture[str], words: str, told: str
+def test_bad_options_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: str, message: str
 ) -> None:
-    assert told in _refusal(capsys, str(folder), *words.split())
+    assert message in _refusal(capsys, str(folder), *words.split())
     assert not (folder / "view.html").exists()
 
 
-def test_place_that_cannot_be_written_is_told(
+def test_place_that_cannot_be_written_is_refused(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert "out must be a file in an existing folder" in _refusal(capsys, str(folder), "--out", str(tmp_path))

@@ -1,4 +1,4 @@
-"""A small folder in Oxford's layout whose scans are one drawn world seen from a moving car: exact truth."""
+"""A small folder in Oxford's layout: scans of random point targets from a moving car, with exact truth."""
 
 import math
 from itertools import pairwise
@@ -16,12 +16,12 @@ AZIMUTHS, BINS, BIN_M = CTS350X.azimuths, CTS350X.bins, CTS350X.bin_m
 
 
 def world(seed: int, count: int = 250, reach_m: float = 90.0) -> NDArray[np.float64]:
-    """Return bright spots (count, 2) forward, right [m] around the origin."""
+    """Return point targets (count, 2) forward, right [m] around the origin."""
     return np.random.default_rng(seed).uniform(-reach_m, reach_m, (count, 2))
 
 
 def codes_from(spots: NDArray[np.float64], pose: tuple[float, float, float]) -> NDArray[np.uint8]:
-    """Return the codes (azimuths, bins) of spots seen from a pose x, y [m], yaw [rad] in Oxford axes."""
+    """Return the codes (azimuths, bins) of points seen from a pose x, y [m], yaw [rad] in Oxford axes."""
     x, y, yaw = pose
     away = spots - (x, y)
     azimuth = (np.arctan2(away[:, 1], away[:, 0]) - yaw) % (2 * math.pi)
@@ -49,7 +49,7 @@ def motion_between(
 
 
 def write_folder(folder: Path, poses: list[tuple[float, float, float]], *, seed: int = 1) -> Path:
-    """Write scans of a drawn world from poses x, y [m], yaw [rad] in Oxford axes, and their odometry."""
+    """Write scans of random points from poses x, y [m], yaw [rad] in Oxford axes, and their odometry."""
     (folder / "radar").mkdir(parents=True)
     (folder / "gt").mkdir()
     spots, stamps = world(seed), [EPOCH_US + 250_000 * i for i in range(len(poses))]

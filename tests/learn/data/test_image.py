@@ -1,4 +1,4 @@
-"""Pictures for the model: where things land, what averaging keeps, turns about the radar."""
+"""Images for the model: positions of objects, sums that averaging keeps, rotation about the radar."""
 
 import math
 
@@ -27,24 +27,24 @@ def _spot(azimuth_deg: float, range_m: float, *, bin_m: float = 0.05) -> np.ndar
     return codes
 
 
-def _centre(picture: torch.Tensor, image: ImageSettings) -> np.ndarray:
-    weight = picture[0].double()
-    rows, columns = torch.meshgrid(*[torch.arange(image.size, dtype=torch.float64)] * 2, indexing="ij")
+def _centre(image: torch.Tensor, settings: ImageSettings) -> np.ndarray:
+    weight = image[0].double()
+    rows, columns = torch.meshgrid(*[torch.arange(settings.size, dtype=torch.float64)] * 2, indexing="ij")
     place = torch.stack([(weight * rows).sum(), (weight * columns).sum()]) / weight.sum()
-    return metres_of_pixels(place, size=image.size, pixel_m=image.pixel_m).numpy()
+    return metres_of_pixels(place, size=settings.size, pixel_m=settings.pixel_m).numpy()
 
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 90.0, 180.0, 270.0, 33.3])
-def test_a_thing_appears_where_docs_conventions_put_it(azimuth_deg: float) -> None:
-    picture = image_of_codes(_spot(azimuth_deg, 20.0), 0.05, IMAGE)
+def test_an_object_appears_where_docs_conventions_put_it(azimuth_deg: float) -> None:
+    image = image_of_codes(_spot(azimuth_deg, 20.0), 0.05, IMAGE)
     angle = math.radians(azimuth_deg)
     # The middle of a blob 14 degrees wide lies 1 % nearer than its middle row, 0.2 m.
-    assert_allclose(_centre(picture, IMAGE), [20 * math.cos(angle), 20 * math.sin(angle)], atol=0.25)
+    assert_allclose(_centre(image, IMAGE), [20 * math.cos(angle), 20 * math.sin(angle)], atol=0.25)
 
 
 @given(turn=st.floats(-7, 7), azimuth_deg=st.floats(0, 360))
 @settings(max_examples=20, deadline=None)
-def test_turning_a_picture_turns_what_is_in_it_clockwise(turn: float, azimuth_deg: float) -> None:
+def test_rotation_turns_the_content_clockwise(turn: float, azimuth_deg: float) -> None:
     cells = range_cells(_spot(azimuth_deg, 20.0), 0.05, IMAGE)
     projector = Projector(IMAGE, 400)
     x, y = _centre(projector.image(cells), IMAGE)
@@ -80,12 +80,12 @@ def test_range_offset_moves_cells_outwards() -> None:
 
 
 def test_nearer_than_near_m_and_beyond_the_last_bin_is_nothing() -> None:
-    picture = image_of_codes(np.full((400, 500), 100, np.uint8), 0.05, IMAGE)[0] * CODE_OF_ONE
+    image = image_of_codes(np.full((400, 500), 100, np.uint8), 0.05, IMAGE)[0] * CODE_OF_ONE
     offset = np.arange(64) - 31.5
     distance = np.hypot(offset[:, None], offset)
-    assert (picture.numpy()[distance < 1.7] == 0).all()
-    assert (picture.numpy()[distance > 25.3] == 0).all()
-    assert_allclose(picture.numpy()[(distance > 2.3) & (distance < 24.7)], 100, rtol=1e-5)
+    assert (image.numpy()[distance < 1.7] == 0).all()
+    assert (image.numpy()[distance > 25.3] == 0).all()
+    assert_allclose(image.numpy()[(distance > 2.3) & (distance < 24.7)], 100, rtol=1e-5)
 
 
 def test_pixels_and_metres_are_inverses_and_forward_is_up() -> None:
@@ -96,7 +96,7 @@ def test_pixels_and_metres_are_inverses_and_forward_is_up() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "name"),
     [
         ({"size": 101}, "size"),
         ({"size": 0}, "size"),
@@ -104,12 +104,12 @@ def test_pixels_and_metres_are_inverses_and_forward_is_up() -> None:
         ({"near_m": -1.0}, "near_m"),
     ],
 )
-def test_settings_that_make_no_picture_are_refused(wrong: dict, told: str) -> None:
-    with pytest.raises(ValueError, match=f"{told} must"):
+def test_settings_that_make_no_image_are_refused(wrong: dict, name: str) -> None:
+    with pytest.raises(ValueError, match=f"{name} must"):
         ImageSettings(**wrong)
 
 
-def test_what_is_no_scan_is_refused() -> None:
+def test_bad_scans_are_refused() -> None:
     with pytest.raises(ValueError, match="codes must be"):
         range_cells(np.zeros((4, 5)), 0.1, IMAGE)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="bin_m must be"):
@@ -118,7 +118,7 @@ def test_what_is_no_scan_is_refused() -> None:
         Projector(IMAGE, 400).image(np.zeros((399, IMAGE.cells), np.uint8))
 
 
-def test_a_shifted_picture_is_the_same_one_some_pixels_on() -> None:
+def test_a_shift_moves_the_content_by_whole_pixels() -> None:
     cells = np.random.default_rng(1).integers(0, 99, (400, IMAGE.cells)).astype(np.uint8)
     projector = Projector(IMAGE, 400)
     plain = projector.image(cells, turn_rad=0.3)[0]

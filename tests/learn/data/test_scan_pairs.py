@@ -196,3 +196,19 @@ def test_folders_without_poses_are_refused(tmp_path: Path) -> None:
         PairDataset([folder], IMAGE)
     with pytest.raises(DatasetError, match="data must name"):
         PairDataset([], IMAGE)
+
+
+def test_a_batch_is_moved_to_a_device_with_all_that_is_known_of_it(pairs: PairDataset) -> None:
+    """The device `meta` exists everywhere."""
+    batch = pairs.batch([Pair(drive=0, source=1, destination=0)])
+    there = batch.to(torch.device("meta"))
+    assert there.truth.source is not None
+    assert there.truth.destination is not None
+    for tensor in (
+        *(there.source, there.destination, there.motion.rotation, there.motion.translation_m),
+        *(there.truth.source.scan_s, there.truth.source.twist.velocity_mps),
+        *(there.truth.destination.scan_in_image.rotation, there.truth.destination.doppler_beta_s),
+    ):
+        assert tensor.device.type == "meta"
+    here = batch.to(torch.device("cpu"))
+    assert here.source is batch.source

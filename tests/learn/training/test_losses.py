@@ -22,7 +22,7 @@ TRUTH = Motion(
 
 
 def _matches(astray_m: list[tuple[float, float]], weights: Tensor) -> Matches:
-    """Return matches as far from the truth as told, forward and right [m]."""
+    """Return matches with the given errors, forward and right [m]."""
     draws = torch.Generator().manual_seed(3)
     source = 30 * torch.randn(1, len(astray_m), 2, generator=draws, dtype=torch.float64)
     moved = source @ TRUTH.rotation.transpose(1, 2) + TRUTH.translation_m
@@ -52,7 +52,7 @@ def test_places_are_drawn_home_by_their_share_however_far_they_are_and_weights_a
 
 
 def test_errors_count_by_precision() -> None:
-    """Along the first axis the first says nothing, the second a quarter."""
+    """Along the first axis the first has no precision, the second a quarter."""
     found = _matches([(7.0, 4.0), (-6.0, 8.0)], _weights(1, 1))
     precision = torch.tensor([[[0.0, 0.0], [0.0, 1.0]], [[0.25, 0.0], [0.0, 1.0]]], dtype=torch.float64)
     found = replace(found, precision=precision[None])

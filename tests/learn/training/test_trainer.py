@@ -137,17 +137,17 @@ def test_the_learning_rate_is_held_and_then_halved() -> None:
 def test_entries_go_to_tensorboard_where_it_is_installed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[tuple[str, float, int]] = []
+    added: list[tuple[str, float, int]] = []
 
     class Writer:
         def __init__(self, folder: str, *, purge_step: int) -> None:
             assert (Path(folder).name, purge_step) == ("tensorboard", 8)
 
         def add_scalar(self, name: str, value: float, step: int) -> None:
-            told.append((name, value, step))
+            added.append((name, value, step))
 
         def close(self) -> None:
-            told.append(("closed", 0.0, 0))
+            added.append(("closed", 0.0, 0))
 
     module = types.ModuleType("torch.utils.tensorboard")
     module.SummaryWriter = Writer  # type: ignore[attr-defined]
@@ -156,7 +156,7 @@ def test_entries_go_to_tensorboard_where_it_is_installed(
     log.begin(7)
     log.add({"step": 8, "loss_m": 2.0, "validation": {"mean_m": 3.0}})
     log.end()
-    assert told == [("training/loss_m", 2.0, 8), ("validation/mean_m", 3.0, 8), ("closed", 0.0, 0)]
+    assert added == [("training/loss_m", 2.0, 8), ("validation/mean_m", 3.0, 8), ("closed", 0.0, 0)]
 
 
 def test_without_tensorboard_the_log_is_a_file_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,8 +175,8 @@ def test_without_tensorboard_the_log_is_a_file_only(tmp_path: Path, monkeypatch:
 def test_each_loss_changes_the_weights(data: TrainingData, tmp_path: Path, name: str) -> None:
     two = TrainingConfig(steps=2)
     plain = train(tmp_path / "plain", MODEL, two, data)
-    told = train(tmp_path / "told", MODEL, TrainingConfig(steps=2, **{name: 1.0}), data)  # type: ignore[arg-type]
-    assert any(not torch.equal(a, b) for a, b in zip(plain.parameters(), told.parameters(), strict=True))
+    changed = train(tmp_path / "changed", MODEL, TrainingConfig(steps=2, **{name: 1.0}), data)  # type: ignore[arg-type]
+    assert any(not torch.equal(a, b) for a, b in zip(plain.parameters(), changed.parameters(), strict=True))
 
 
 @pytest.mark.gpu
@@ -289,9 +289,18 @@ def test_validation_draws_gaps_by_their_power(folder: Path) -> None:
 
 
 def test_the_command_passes_the_model_its_settings(folder: Path, tmp_path: Path) -> None:
-    told = ["--no-location-head", "--no-score-head", "--temperature", "55", "--near-m", "4", "--size", "80"]
+    options = [
+        "--no-location-head",
+        "--no-score-head",
+        "--temperature",
+        "55",
+        "--near-m",
+        "4",
+        "--size",
+        "80",
+    ]
     few = ["--steps", "1", "--resolution", "1.3824"]
-    assert main(["--data", str(folder), "--out", str(tmp_path / "run"), *told, *few]) == 0
+    assert main(["--data", str(folder), "--out", str(tmp_path / "run"), *options, *few]) == 0
     settings = read_weights(tmp_path / "run" / "last.safetensors")[0].settings
     image = ImageSettings(pixel_m=1.3824, size=80, near_m=4.0)
     assert settings == ModelSettings(image=image, temperature=55.0, location_head=False, score_head=False)
@@ -337,7 +346,7 @@ def test_a_few_hundred_steps_bring_the_error_down_by_half(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["--size", "101"], "size must be even"),
         (["--steps", "0"], "steps must be 1 or more"),
@@ -346,11 +355,11 @@ def test_a_few_hundred_steps_bring_the_error_down_by_half(tmp_path: Path) -> Non
     ],
 )
 def test_bad_arguments_are_refused_in_one_line(
-    arguments: list[str], told: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["--data", str(folder), "--out", str(tmp_path / "run"), *arguments]) == 2
     error = capsys.readouterr().err
-    assert told in error
+    assert message in error
     assert len(error.strip().splitlines()) == 1
     assert not (tmp_path / "run").exists()
 
