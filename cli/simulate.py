@@ -90,10 +90,15 @@ def _defaults(words: Sequence[str]) -> Options:
     simulation = SimulationOptions()
     if manifest:
         from echoscape.scenes.io.user_scene import read_user_scene
+        from echoscape.sim.datasets.files.metadata import read_manifest
         from echoscape.sim.generation.config_json import read_config
+        from echoscape.sim.generation.manifest import version_difference
 
         scene = option_value("--scene", words)
         config = read_config(Path(manifest), scene=read_user_scene(scene) if scene else None)
+        differing = version_difference(read_manifest(Path(manifest)))
+        if differing:
+            print(f"echoscape simulate: {manifest}: bytes may differ, as {differing}", file=sys.stderr)
         simulation = SimulationOptions(
             **{each.name: getattr(config, each.name) for each in fields(SimulationConfig)}
         )

@@ -13,9 +13,9 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from echoscape.eval.figures.style import INK, PAGE, TARGET_COLOUR, font_family
-from echoscape.scenes.core.targets import Target
-from echoscape.scenes.io.target_toml import FromStart, placed_targets
+from echoscape.scenes.io.target_toml import AnyTarget, placed_targets
 from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.files.typed_json import from_json
 
 _MAX_LABELLED = 20
 """Targets up to which each is labelled; more labels would hide the plan."""
@@ -52,12 +52,9 @@ def target_marks(content: dict[str, Any], *, start: NDArray[np.float64]) -> tupl
     config = content["config"]
     entries = [*((config.get("scene") or {}).get("targets", ())), *config.get("targets", ())]
     try:
-        targets = [
-            FromStart(target=_target(each["target"])) if "target" in each else _target(each)
-            for each in entries
-        ]
-    except (TypeError, ValueError) as error:
-        raise DatasetError(f"echoscape.json: an entry of targets describes no target ({error})") from error
+        targets = from_json(tuple[AnyTarget, ...], entries, "config.targets")
+    except DatasetError as error:
+        raise DatasetError(f"echoscape.json: {error}") from error
     placed = placed_targets(targets, start=start)
     return tuple(
         TargetMark(kind=each.kind, x_m=each.position_m[0], y_m=each.position_m[1]) for each in placed
@@ -79,11 +76,3 @@ def draw_target_marks(axes: Axes, marks: tuple[TargetMark, ...]) -> None:
                 mark.kind, (mark.x_m, mark.y_m), xytext=(7, 0), textcoords="offset points", va="center",
                 size=7.5, color=INK, family=font_family(), path_effects=edge, zorder=6, annotation_clip=True,
             )  # fmt: skip
-
-
-def _target(entry: dict[str, Any]) -> Target:
-    """Return a target from its entry in JSON, where tuples are lists."""
-    settings: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()
-    }
-    return Target(**settings)

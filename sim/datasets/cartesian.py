@@ -48,7 +48,7 @@ def pixel_offsets(size: int, *, pixel_m: float, bin_m: float) -> NDArray[np.floa
     Returns:
         Offsets (size,) in range bins, ascending.
     """
-    return (np.arange(size) - (size - 1) / 2) * (pixel_m / bin_m)
+    return (np.arange(size, dtype=np.float64) - (size - 1) / 2) * (pixel_m / bin_m)
 
 
 def range_averages(

@@ -43,7 +43,7 @@ class SimulationConfig:
     sensor: Sensor = CTS350X
     """The radar."""
     layout: LayoutName | None = None
-    """Layout of the folder; by default the one in which this radar's real scans are published, or Oxford's."""
+    """Layout of the folder; by default that of the radar's published data set, or Oxford's."""
     trace: TraceSettings = field(default_factory=TraceSettings)
     """Number of rays and bounces, and the weakest echo that is kept."""
     artefacts: Artefacts = field(default_factory=Artefacts)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from echoscape.scenes.io.gltf_export import is_whole_glb, town_to_glb
+from echoscape.scenes.io.gltf_export import is_complete_glb, scene_to_glb
 from echoscape.sim.datasets.files.atomic_write import DatasetError, remove_temporaries, write_whole
 from echoscape.sim.datasets.files.metadata import FILE_NAME, manifest_text, read_manifest
 from echoscape.sim.datasets.files.output_folder import (
@@ -65,7 +65,8 @@ def write_dataset(
     try:
         _begin(out, config)
         missing = config.scans - len(whole_scans(out, config))
-        whole = is_whole_glb(out / "scene.glb") and all(map(ends_as_table, (out / name for name in TABLES)))
+        tables = all(ends_as_table(out / name) for name in TABLES)
+        whole = tables and is_complete_glb(out / "scene.glb")
         setup = _setup(config, report) if missing or not whole else None
         if setup is not None:
             _write_scene(out, config, setup, report)
@@ -136,8 +137,8 @@ def _write_scene(out: Path, config: SimulationConfig, setup: SceneSetup, report:
     report("scene", 0, 1)
     driven_s = min(config.duration_s, setup.drive.duration_s)
     times = np.arange(0.0, driven_s, 1 / config.sensor.rotation_hz)
-    if not is_whole_glb(out / "scene.glb"):
-        write_whole(out / "scene.glb", town_to_glb(setup.scene))
+    if not is_complete_glb(out / "scene.glb"):
+        write_whole(out / "scene.glb", scene_to_glb(setup.scene))
     write_whole(out / "movers.csv", movers_csv(setup.movers).encode())
     tracks = tracks_csv(setup.drive.trajectory, setup.movers, times)
     write_whole(out / "tracks.csv", tracks.encode())

@@ -51,6 +51,18 @@ def difference(old: dict[str, Any], new: dict[str, Any]) -> str | None:
     return _difference("", old, new)
 
 
+def version_difference(content: dict[str, Any]) -> str | None:
+    """Name the first version in which this installation differs from the one that made a data set.
+
+    Args:
+        content: Content of its echoscape.json.
+
+    Returns:
+        A sentence, None where all versions are the same, and so the bytes of a repeated run.
+    """
+    return _difference("", content.get("versions", {}), _versions())
+
+
 def _difference(name: str, old: Any, new: Any) -> str | None:
     """Return the first difference in or below the entry `name`."""
     if old == new:

@@ -10,12 +10,12 @@ import numpy as np
 
 from echoscape.scenes.core.scene import Mover, Scene
 from echoscape.scenes.core.target_meshes import with_targets
-from echoscape.scenes.driving.clearance import first_contact
+from echoscape.scenes.driving.clearance import first_collision
 from echoscape.scenes.driving.ego_drive import EgoDrive, plan_ego_drive
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.scenes.io.target_toml import placed_targets
 from echoscape.scenes.io.user_drive import UserDrive
-from echoscape.scenes.io.user_scene import build_own_scene
+from echoscape.scenes.io.user_scene import build_user_scene
 from echoscape.scenes.town.build import build_town
 from echoscape.scenes.traffic.plan import plan_traffic
 from echoscape.sim.generation.config import SimulationConfig
@@ -54,24 +54,28 @@ def build_scene(config: SimulationConfig, *, whole_drive: bool = False) -> Scene
         scene = build_town(config.preset, seed=config.seed)
         drive = plan_ego_drive(scene, seed=config.seed, duration_s=config.duration_s, settings=config.drive)
         names = ["an object of the town"] * len(scene.instance_class)
-        targets, since = config.targets, len(names)
+        targets, first_instance = config.targets, len(names)
     else:
-        world = build_own_scene(config.scene)
-        scene, drive, names = world.town, world.drive, [f"object {name!r}" for name in world.names]
-        targets, since = (*config.scene.targets, *config.targets), 1
+        world = build_user_scene(config.scene)
+        scene, drive, names = world.scene, world.drive, [f"object {name!r}" for name in world.names]
+        targets, first_instance = (*config.scene.targets, *config.targets), 1
         if not whole_drive:
             _check_length(config, drive)
     placed = placed_targets(targets, start=drive.trajectory.pose(np.float64(0.0)))
     scene = with_targets(scene, placed)
     names += [f"target {number} ({target.kind})" for number, target in enumerate(placed, 1)]
     until_s = drive.duration_s if whole_drive else config.scans * config.longest_revolution_s
-    contact = first_contact(
-        scene, drive.trajectory, until_s=until_s, height_m=config.sensor.mount_height_m, since=since
+    collision = first_collision(
+        scene,
+        drive.trajectory,
+        until_s=until_s,
+        height_m=config.sensor.mount_height_m,
+        first_instance=first_instance,
     )
-    if contact is not None:
-        x, y = contact.place_m
+    if collision is not None:
+        x, y = collision.position_m
         raise SceneError(
-            f"the drive passes through {names[contact.instance]} {contact.time_s:.1f} s after its start, "
+            f"the drive passes through {names[collision.instance]} {collision.time_s:.1f} s after its start, "
             f"at x {x:.1f} m, y {y:.1f} m"
         )
     return SceneSetup(scene=scene, drive=drive)

@@ -1,5 +1,7 @@
 """Targets in the preview of a dataset: in their places, with their colour, and none where there are none."""
 
+import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +13,12 @@ from echoscape.cli.__main__ import main
 from echoscape.eval.figures.frame import read_frame
 from echoscape.eval.figures.style import TARGET_COLOUR
 from echoscape.eval.figures.target_markers import target_marks
+from echoscape.scenes.core.targets import Target
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 
 START = np.array([100.0, 50.0, 0.0, np.pi / 2])
 """The car begins at (100, 50) and looks north."""
-NEAR = {"kind": "sphere", "position_m": [20.0, 4.0, 1.5], "size_m": [0.3]}
+NEAR = json.loads(json.dumps(asdict(Target(kind="sphere", position_m=(20.0, 4.0, 1.5), size_m=(0.3,)))))
 SIDE = 555
 PLAN = np.s_[127 : 127 + SIDE, 1205 : 1205 + SIDE]
 """The plan's pixels: the third picture in the upper part of the page."""
@@ -37,9 +40,7 @@ def test_marks_stand_where_the_targets_do() -> None:
     assert_allclose([(mark.x_m, mark.y_m) for mark in marks], [(1, 2), (104, 70), (20, 4)], atol=1e-9)
     assert {mark.kind for mark in marks} == {"sphere"}
     assert target_marks({"config": {"scene": None}}, start=START) == ()
-    with pytest.raises(
-        DatasetError, match=r"echoscape\.json: an entry of targets describes no target .kind must be one of"
-    ):
+    with pytest.raises(DatasetError, match=r"echoscape\.json: config\.targets\[0\]: kind must be one of"):
         target_marks({"config": {"targets": [NEAR | {"kind": "ufo"}]}}, start=START)
 
 

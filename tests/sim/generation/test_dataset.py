@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from echoscape.scenes.core.targets import Target
 from echoscape.scenes.traffic.plan import TrafficSettings
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.metadata import read_manifest, sensor_of
@@ -26,7 +25,6 @@ from echoscape.sim.datasets.layouts.oxford import read_odometry, read_timestamps
 from echoscape.sim.generation import setup as stage
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
-from echoscape.sim.generation.manifest import difference, manifest
 from echoscape.sim.generation.workers import WorkerError, whole_scans
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.settings.tracing import TraceSettings
@@ -212,23 +210,6 @@ def test_another_configuration_is_not_resumed_and_the_setting_is_named(made: Pat
     with pytest.raises(DatasetError, match=r"trace\.rays was 16, now it is 25"):
         write_dataset(made, other, resume=True)
     assert _bytes(made) == before
-
-
-def test_of_lists_the_first_entry_and_field_that_differ_are_named() -> None:
-    near = Target(kind="sphere", position_m=(20.0, 1.0, 2.0), size_m=(0.3,))
-    far = Target(kind="point", position_m=(60.0, 0.0, 2.0))
-    moved = replace(far, position_m=(60.0, 0.5, 2.0))
-
-    def told(before: tuple[Target, ...], after: tuple[Target, ...]) -> str | None:
-        return difference(*(manifest(replace(CONFIG, targets=each)) for each in (before, after)))
-
-    assert told((near, far), (near, moved)) == "targets[1].position_m[1] was 0.0, now it is 0.5"
-    assert told((near, far), (replace(near, kind="point", size_m=()), far)) == (
-        "targets[0].kind was 'sphere', now it is 'point'"
-    )
-    assert told((near,), (near, far, moved)) == "targets had 1 entry, now it has 3"
-    assert told((near, far), ()) == "targets had 2 entries, now it has 0"
-    assert told((near, far), (near, far)) is None
 
 
 def test_full_folder_is_refused_and_left_alone(tmp_path: Path) -> None:
