@@ -64,7 +64,7 @@ def _written(options: Options) -> Path:
     """Write the page and return its path."""
     from echoscape.eval.viewer.data import view_of
     from echoscape.eval.viewer.html import page_bytes
-    from echoscape.sim.datasets.files.atomic_write import write_whole
+    from echoscape.sim.datasets.files.atomic_write import write_atomic
 
     out = options.out or options.data / "view.html"
     if out.is_dir() or not out.parent.is_dir():
@@ -79,7 +79,7 @@ def _written(options: Options) -> Path:
             columns=options.columns,
             progress=bars.report,
         )
-    write_whole(out, page_bytes(view))
+    write_atomic(out, page_bytes(view))
     return out
 
 

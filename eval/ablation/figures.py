@@ -40,7 +40,7 @@ from echoscape.eval.figures.style import (
     new_page,
     rgb_pixels,
 )
-from echoscape.sim.datasets.files.atomic_write import write_whole
+from echoscape.sim.datasets.files.atomic_write import write_atomic
 from echoscape.sim.datasets.files.output_folder import check_output_folder
 from echoscape.sim.generation.config import SimulationConfig
 
@@ -91,7 +91,7 @@ def write_artefacts(
     files["artefacts.md"] = markdown_table(rows).encode()
     out.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
-        write_whole(out / name, content)
+        write_atomic(out / name, content)
     return rows, tuple(out / name for name in files)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from echoscape.eval.fidelity.dataset_statistics import DatasetStatistics
 from echoscape.eval.fidelity.figure import fidelity_page
 from echoscape.eval.fidelity.score import FidelityReport, Score, number_text, span_text, tolerance_text
-from echoscape.sim.datasets.files.atomic_write import write_whole
+from echoscape.sim.datasets.files.atomic_write import write_atomic
 from echoscape.sim.datasets.files.output_folder import check_output_folder
 
 TABLE_COLUMNS = ("statistic", "value", "target", "tolerance", "verdict", "reference", "against reference")
@@ -102,7 +102,7 @@ def write_fidelity_report(out: Path, report: FidelityReport) -> tuple[Path, ...]
     }
     out.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
-        write_whole(out / name, content)
+        write_atomic(out / name, content)
     return tuple(out / name for name in files)
 
 

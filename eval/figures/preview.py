@@ -40,7 +40,7 @@ from echoscape.eval.figures.style import (
 from echoscape.eval.figures.target_markers import draw_target_marks
 from echoscape.eval.figures.town_plan import Window, drive_window, plan_image
 from echoscape.sim.datasets.cartesian import nearest_cells, polar_to_cartesian
-from echoscape.sim.datasets.files.atomic_write import write_whole
+from echoscape.sim.datasets.files.atomic_write import write_atomic
 from echoscape.sim.datasets.polar_scan import ScanTruth
 
 REACH_M = 100.0
@@ -69,7 +69,7 @@ def preview(folder: Path, *, scan: int | None = None) -> Path:
         ValueError: There is no such scan.
     """
     frame = read_frame(Path(folder), scan)
-    write_whole(frame.folder / "preview.png", png_bytes(_page(frame)))
+    write_atomic(frame.folder / "preview.png", png_bytes(_page(frame)))
     return frame.folder / "preview.png"
 
 
@@ -86,7 +86,7 @@ def small_copy(page: Path, to: Path) -> None:
     data = io.BytesIO()
     colours = small.quantize(256, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE)
     colours.save(data, "png", optimize=True)
-    write_whole(to, data.getvalue())
+    write_atomic(to, data.getvalue())
 
 
 # ---------------------------------------------------------------------- the page

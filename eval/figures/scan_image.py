@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 
 from echoscape.eval.figures.style import brightness
 from echoscape.sim.datasets.cartesian import polar_to_cartesian
-from echoscape.sim.datasets.files.atomic_write import write_whole
+from echoscape.sim.datasets.files.atomic_write import write_atomic
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import open_folder
 
@@ -41,7 +41,7 @@ def write_scan_image(folder: Path, to: Path, *, scan: int = 0, pixels: int = 900
     _draw_scale(image, pixel_m=WIDTH_M / pixels)
     data = io.BytesIO()
     image.save(data, "png", optimize=True)
-    write_whole(to, data.getvalue())
+    write_atomic(to, data.getvalue())
 
 
 def scan_image(scan: PolarScan, *, pixels: int) -> NDArray[np.uint8]:

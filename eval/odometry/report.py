@@ -15,7 +15,7 @@ from echoscape.eval.odometry.metrics import odometry_metrics, pair_errors
 from echoscape.eval.odometry.plots import matches_figure, pairs_figure, trajectory_figure
 from echoscape.eval.odometry.run import OdometryResult
 from echoscape.eval.odometry.trajectory_io import kitti_text, matrices, tum_text
-from echoscape.sim.datasets.files.atomic_write import write_whole
+from echoscape.sim.datasets.files.atomic_write import write_atomic
 from echoscape.sim.datasets.layouts.oxford import OdometryRow, write_odometry
 from echoscape.sim.datasets.scan_folder import ScanFolder
 from echoscape.sim.datasets.se2 import relative
@@ -63,7 +63,7 @@ def write_odometry_report(
         (out / name).unlink(missing_ok=True)
     write_odometry(out / "odometry.csv", _rows(result))
     for name, data in {**files, METRICS: content}.items():
-        write_whole(out / name, data)
+        write_atomic(out / name, data)
     return tuple(out / name for name in ("odometry.csv", *files, METRICS))
 
 

@@ -135,7 +135,7 @@ def view_of(
         The content of the page.
 
     Raises:
-        DatasetError: The folder is no data set, or a file of it is damaged; the message names it.
+        DatasetError: The folder is not a data set, or a file of it is damaged; the message names it.
         ValueError: An argument is out of its range.
     """
     for name, value in (("scans", scans), ("every", every), ("columns", columns)):

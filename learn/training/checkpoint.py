@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from echoscape.learn.model.keypoint_model import KeypointModel, ModelSettings
-from echoscape.learn.model.weights import read_weights
-from echoscape.sim.datasets.files.atomic_write import DatasetError, write_whole
+from echoscape.learn.model.fast_keypoint_model import FastKeypointModel
+from echoscape.learn.model.model_settings import ModelSettings
+from echoscape.learn.model.weights import load_weights
+from echoscape.sim.datasets.files.atomic_write import DatasetError, write_atomic
 
 FILE_NAME = "checkpoint.pt"
 
@@ -64,7 +65,7 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
     """
     buffer = io.BytesIO()
     torch.save({**vars(checkpoint), "state": vars(checkpoint.state)}, buffer)
-    write_whole(folder / FILE_NAME, buffer.getvalue())
+    write_atomic(folder / FILE_NAME, buffer.getvalue())
 
 
 def read_checkpoint(folder: Path) -> Checkpoint:
@@ -88,7 +89,7 @@ def read_checkpoint(folder: Path) -> Checkpoint:
         raise DatasetError(f"{path}: cannot be read ({reason})") from error
 
 
-def initial_model(settings: ModelSettings, *, seed: int) -> KeypointModel:
+def initial_model(settings: ModelSettings, *, seed: int) -> FastKeypointModel:
     """Make a model with random weights.
 
     Args:
@@ -100,10 +101,10 @@ def initial_model(settings: ModelSettings, *, seed: int) -> KeypointModel:
     """
     with torch.random.fork_rng(devices=[]):
         torch.default_generator.manual_seed(int(np.random.SeedSequence([seed, 2]).generate_state(1)[0]))
-        return KeypointModel(settings).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        return FastKeypointModel(settings).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
 
-def load_initial_weights(model: KeypointModel, path: Path) -> dict[str, Any]:
+def load_initial_weights(model: FastKeypointModel, path: Path) -> dict[str, Any]:
     """Load the weights in a file into a model, whose images may have another resolution.
 
     Args:
@@ -116,7 +117,7 @@ def load_initial_weights(model: KeypointModel, path: Path) -> dict[str, Any]:
     Raises:
         DatasetError: The file is not a model, or one with other heads.
     """
-    other, record = read_weights(path)
+    other, record = load_weights(path)
     try:
         model.load_state_dict(other.state_dict())
     except RuntimeError as error:

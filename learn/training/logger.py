@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, write_whole
+from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, write_atomic
 
 LOG_FILE, BOARD_FOLDER = "log.jsonl", "tensorboard"
 
@@ -44,10 +44,8 @@ class TrainingLog:
         try:
             kept = [line for line in complete if json.loads(line)["step"] <= step]
         except (ValueError, KeyError, TypeError) as error:
-            raise DatasetError(
-                f"{self._path}: a line is not an entry of a log: {error}"
-            ) from error
-        write_whole(self._path, "".join(f"{line}\n" for line in kept).encode())
+            raise DatasetError(f"{self._path}: a line is not an entry of a log: {error}") from error
+        write_atomic(self._path, "".join(f"{line}\n" for line in kept).encode())
         self._board = _board_writer(self._board_folder, step)
 
     def add(self, entry: dict[str, Any]) -> None:

@@ -24,7 +24,8 @@ from echoscape.learn.data.scan_pairs import PairDataset
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.procrustes import ROBUST_SCALE_PX, Motion
 from echoscape.learn.model.device import Device, resolve_device
-from echoscape.learn.model.keypoint_model import KeypointModel, Matching, ModelSettings
+from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
+from echoscape.learn.model.model_settings import ModelSettings
 from echoscape.learn.model.weights import write_weights
 from echoscape.learn.training.checkpoint import (
     FILE_NAME,
@@ -41,7 +42,7 @@ from echoscape.learn.training.logger import LOG_FILE, LogCallback, TrainingLog
 from echoscape.learn.training.losses import likelihood_loss, match_loss, pose_errors, pose_loss, score_loss
 from echoscape.learn.training.plots import draw_training
 from echoscape.learn.training.validation import fixed_pairs, pair_errors
-from echoscape.sim.datasets.files.atomic_write import DatasetError, remove_temporaries, write_whole
+from echoscape.sim.datasets.files.atomic_write import DatasetError, remove_temporaries, write_atomic
 from echoscape.sim.datasets.files.output_folder import check_output_folder
 
 SETTINGS_FILE = "settings.json"
@@ -76,7 +77,7 @@ def train(
     resume: bool = False,
     device: Device = "auto",
     callback: LogCallback | None = None,
-) -> KeypointModel:
+) -> FastKeypointModel:
     """Train a model.
 
     Args:
@@ -304,7 +305,7 @@ class _Run:
             self.log.add({"step": self.state.step, **entry})
 
     def _write_settings(self) -> None:
-        write_whole(self.out / SETTINGS_FILE, (json.dumps(self.settings, indent=1) + "\n").encode())
+        write_atomic(self.out / SETTINGS_FILE, (json.dumps(self.settings, indent=1) + "\n").encode())
 
     def _save(self) -> None:
         now = time.monotonic()

@@ -17,8 +17,8 @@ from echoscape.scenes.core.scene import CLASSES, Mesh, Scene, StaticMesh
 from echoscape.scenes.io.mesh_import import UPS, MeshPart, default_up, mesh_sha256, read_parts
 from echoscape.scenes.io.strict_toml import SceneError, Table, read_toml
 from echoscape.scenes.io.target_toml import AnyTarget, targets_of
-from echoscape.scenes.io.user_drive import DrivePlan, UserDrive, drive_plan, own_drive
-from echoscape.scenes.town.placement import Assembly
+from echoscape.scenes.io.user_drive import DrivePlan, UserDrive, make_user_drive, read_drive_plan
+from echoscape.scenes.town.placement import SceneBuilder
 
 CLASS_NAMES = CLASSES[1:]
 """Classes that an object may have: all but "none"."""
@@ -61,10 +61,10 @@ class UserScene:
 
 
 @dataclass(frozen=True, kw_only=True)
-class UserWorld:
+class BuiltUserScene:
     """A scene of one's own, built: `names[i]` is the name of the object with instance id i."""
 
-    town: Scene
+    scene: Scene
     drive: UserDrive
     names: tuple[str, ...]
 
@@ -91,14 +91,14 @@ def read_user_scene(path: str | Path) -> UserScene:
         up=table.text("up", default_up(mesh), allowed=UPS),
         scale=scale,
         rules=tuple(rules),
-        drive=drive_plan(table.table("drive")),
+        drive=read_drive_plan(table.table("drive")),
         targets=targets_of(table),
     )
     table.finish()
     return scene
 
 
-def build_own_scene(scene: UserScene) -> UserWorld:
+def build_user_scene(scene: UserScene) -> BuiltUserScene:
     """Read the mesh of a scene and give every object its instance, material and class.
 
     Raises:
@@ -107,23 +107,23 @@ def build_own_scene(scene: UserScene) -> UserWorld:
     if mesh_sha256(scene.mesh_path) != scene.sha256:
         raise SceneError(f"{scene.mesh_path}: changed since its description was read")
     parts = read_parts(scene.mesh_path, up=scene.up, scale=scene.scale)
-    assembly, names = Assembly(()), ["none"]
+    builder, names = SceneBuilder(()), ["none"]
     for (owner, class_name), meshes in _objects(scene, parts).items():
-        assembly.add(class_name, {material: _joined(pieces) for material, pieces in meshes.items()})
+        builder.add(class_name, {material: _joined(pieces) for material, pieces in meshes.items()})
         names.append(owner)
-    drive = own_drive(scene.drive)
-    static = assembly.static()
-    town = Scene(
-        preset="own",
+    drive = make_user_drive(scene.drive)
+    static = builder.static()
+    built = Scene(
+        preset="custom",
         seed=0,
         static=static,
         prototypes=(),
-        placements=assembly.placements(),
-        instance_class=assembly.instance_class(),
+        placements=builder.placements(),
+        instance_class=builder.instance_class(),
         roads=RoadGraph(lanes=(), junctions=np.zeros((0, 2))),
         bounds_m=_bounds(static, drive),
     )
-    return UserWorld(town=town, drive=drive, names=tuple(names))
+    return BuiltUserScene(scene=built, drive=drive, names=tuple(names))
 
 
 def _rule(entry: Table, pattern: str) -> ObjectRule:

@@ -249,7 +249,7 @@ def _sensor_by_first(path: Path, image: NDArray[np.uint8], layout: Layout) -> Se
             return _as_written(sensor, image)
     widths = ", ".join(f"{each.azimuths} x {HEADER_COLUMNS + each.bins}" for each in _CANDIDATES[layout.name])
     raise DatasetError(
-        f"{path}: {rows} rows and {columns} columns are no scan of the layout {layout.name} "
+        f"{path}: {rows} rows and {columns} columns are not a scan of the layout {layout.name} "
         f"({widths}); give its sensor"
     )
 

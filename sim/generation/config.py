@@ -22,7 +22,7 @@ from echoscape.sim.settings.surfaces import SurfaceSettings
 from echoscape.sim.settings.tracing import TraceSettings
 
 DEFAULT_PRESET = "town"
-CUSTOM_PRESET = "own"
+CUSTOM_PRESET = "custom"
 """The preset's name where the scene is a custom one."""
 
 _POSITIVE = ("traffic.near_m", "traffic.step_s", "drive.knot_s", "drive.corner_m", "drive.wander_length_m")
@@ -55,7 +55,7 @@ class SimulationConfig:
     traffic: TrafficSettings = field(default_factory=TrafficSettings)
     """Other road users; not with a custom scene."""
     scene: UserScene | None = None
-    """A custom scene in place of a preset, see `scenes.io.user_scene`; preset is then "own"."""
+    """A custom scene in place of a preset, see `scenes.io.user_scene`; preset is then "custom"."""
     targets: tuple[AnyTarget, ...] = ()
     """Test targets in addition to those of the scene, see `scenes.core.targets`."""
     randomized: bool = False

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from echoscape.scenes.io.gltf_export import is_complete_glb, scene_to_glb
-from echoscape.sim.datasets.files.atomic_write import DatasetError, remove_temporaries, write_whole
+from echoscape.sim.datasets.files.atomic_write import DatasetError, remove_temporaries, write_atomic
 from echoscape.sim.datasets.files.metadata import FILE_NAME, manifest_text, read_manifest
 from echoscape.sim.datasets.files.output_folder import (
     check_output_folder,
@@ -23,7 +23,7 @@ from echoscape.sim.datasets.layouts.layout import ScanRecord
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.manifest import difference, manifest
 from echoscape.sim.generation.setup import SceneSetup, add_traffic, build_scene
-from echoscape.sim.generation.workers import scan_folders, simulate_scans, whole_scans
+from echoscape.sim.generation.workers import complete_scans, scan_folders, simulate_scans
 
 Progress = Callable[[str, int, int], None]
 """Called with a stage (town, traffic, scene, scans), how much of it is done, and how much there is to do."""
@@ -64,10 +64,10 @@ def write_dataset(
     made = make_output_folder(out)
     try:
         _begin(out, config)
-        missing = config.scans - len(whole_scans(out, config))
+        missing = config.scans - len(complete_scans(out, config))
         tables = all(ends_as_table(out / name) for name in TABLES)
-        whole = tables and is_complete_glb(out / "scene.glb")
-        setup = _setup(config, report) if missing or not whole else None
+        complete = tables and is_complete_glb(out / "scene.glb")
+        setup = _setup(config, report) if missing or not complete else None
         if setup is not None:
             _write_scene(out, config, setup, report)
     except BaseException:
@@ -118,7 +118,7 @@ def _begin(out: Path, config: SimulationConfig) -> None:
     remove_temporaries(out)
     for name in (*scan_folders(config), *config.folder_layout.other_folders):
         (out / name).mkdir(parents=True, exist_ok=True)
-    write_whole(out / FILE_NAME, manifest_text(content).encode())
+    write_atomic(out / FILE_NAME, manifest_text(content).encode())
 
 
 def _setup(config: SimulationConfig, report: Progress) -> SceneSetup:
@@ -138,10 +138,10 @@ def _write_scene(out: Path, config: SimulationConfig, setup: SceneSetup, report:
     driven_s = min(config.duration_s, setup.drive.duration_s)
     times = np.arange(0.0, driven_s, 1 / config.sensor.rotation_hz)
     if not is_complete_glb(out / "scene.glb"):
-        write_whole(out / "scene.glb", scene_to_glb(setup.scene))
-    write_whole(out / "movers.csv", movers_csv(setup.movers).encode())
+        write_atomic(out / "scene.glb", scene_to_glb(setup.scene))
+    write_atomic(out / "movers.csv", movers_csv(setup.movers).encode())
     tracks = tracks_csv(setup.drive.trajectory, setup.movers, times)
-    write_whole(out / "tracks.csv", tracks.encode())
+    write_atomic(out / "tracks.csv", tracks.encode())
     report("scene", 1, 1)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from echoscape.sim.datasets.files.atomic_write import remove_temporaries, temporary_beside
 from echoscape.sim.datasets.files.beat_npz import write_beat
-from echoscape.sim.datasets.files.navtech_png import is_whole_png
+from echoscape.sim.datasets.files.navtech_png import is_complete_png
 from echoscape.sim.datasets.files.npz import ends_as_archive
 from echoscape.sim.datasets.files.truth_npz import write_truth
 from echoscape.sim.datasets.polar_scan import EPOCH_US, PolarScan
@@ -95,7 +95,7 @@ def scan_folders(config: SimulationConfig) -> tuple[str, ...]:
     return (*folders, "beat") if config.keep_beat else folders
 
 
-def whole_scans(out: Path, config: SimulationConfig) -> set[str]:
+def complete_scans(out: Path, config: SimulationConfig) -> set[str]:
     """Find the scans that are complete.
 
     Args:
@@ -106,13 +106,13 @@ def whole_scans(out: Path, config: SimulationConfig) -> set[str]:
         Names of the scans of which no file is missing or cut short.
     """
     stems = {path.stem for path in (out / scan_folders(config)[0]).glob("*.png")}
-    return {stem for stem in stems if stem.isdecimal() and _is_whole(out, config, stem)}
+    return {stem for stem in stems if stem.isdecimal() and _is_complete(out, config, stem)}
 
 
-def _is_whole(out: Path, config: SimulationConfig, stem: str) -> bool:
+def _is_complete(out: Path, config: SimulationConfig, stem: str) -> bool:
     """Whether all files of a scan are complete and its image is undamaged."""
     archives = [out / name / f"{stem}.npz" for name in scan_folders(config)[1:]]
-    return is_whole_png(config.folder_layout.scan_path(out, stem)) and all(map(ends_as_archive, archives))
+    return is_complete_png(config.folder_layout.scan_path(out, stem)) and all(map(ends_as_archive, archives))
 
 
 class ScanWriter:
@@ -173,7 +173,7 @@ class ScanWriter:
         """
         layout, times_s = self._config.folder_layout, self._simulator.revolution(index).times_s
         stem = layout.stem(EPOCH_US + np.rint(times_s * 1e6).astype(np.int64))
-        if _is_whole(self._out, self._config, stem):
+        if _is_complete(self._out, self._config, stem):
             return None
         scan = self._simulator.scan(index, keep_beat=self._config.keep_beat)
         if scan.truth is None or layout.stem(scan.timestamp_us) != stem:

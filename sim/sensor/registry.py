@@ -78,7 +78,7 @@ def read_sensor(path: Path) -> Sensor:
     names = [each.name for each in fields(Sensor)]
     for name in content:
         if name not in names:
-            raise ValueError(f"{path}: {name} is no field of a sensor")
+            raise ValueError(f"{path}: {name} is not a field of a sensor")
     values = {} if base is None else {name: getattr(SENSORS[base], name) for name in names}
     try:
         values |= {name: _value(name, value) for name, value in content.items()}

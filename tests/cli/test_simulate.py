@@ -153,13 +153,13 @@ def test_damage_that_only_the_summary_meets_is_reported_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def damaged(*arguments: object, **settings: object) -> None:
-        raise DatasetError("radar/1.png: not a whole PNG file")
+        raise DatasetError("radar/1.png: not a complete PNG file")
 
     monkeypatch.setattr(dataset, "write_dataset", lambda *arguments, **settings: None)
     monkeypatch.setattr(folders, "open_folder", damaged)
     assert main(["simulate", str(tmp_path / "set"), *SMALL, "--no-preview"]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
-        "echoscape simulate: radar/1.png: not a whole PNG file"
+        "echoscape simulate: radar/1.png: not a complete PNG file"
     )
 
 
@@ -268,7 +268,7 @@ def test_options_win_over_the_manifest_of_another_dataset(
     assert main([*words, "--scene", str(EXAMPLES / "yard.toml")]) == 0
     found = configs.pop()
     assert found.scene is not None
-    assert (found.preset, found.scene.file, found.sensor.name) == ("own", "yard.obj", "cir204")
+    assert (found.preset, found.scene.file, found.sensor.name) == ("custom", "yard.obj", "cir204")
     (tmp_path / "run.toml").write_text(f'from = "{tmp_path}/echoscape.json"\nscans = 7\n')
     assert main(["simulate", str(tmp_path / "set"), "--config", str(tmp_path / "run.toml")]) == 0
     assert configs.pop() == replace(made, scans=7)

@@ -61,7 +61,7 @@ def test_truncated_scan_is_reported_by_name_and_the_old_page_stays(
     scan = folder / "radar" / f"{START_US + TURN_US}.png"
     scan.write_bytes(scan.read_bytes()[:200])
     before = sorted(folder.iterdir())
-    assert f"{scan}: not a whole PNG file" in _refusal(capsys, str(folder))
+    assert f"{scan}: not a complete PNG file" in _refusal(capsys, str(folder))
     assert (folder / "view.html").read_text() == "old"
     assert sorted(folder.iterdir()) == before
 

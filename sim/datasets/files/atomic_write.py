@@ -13,7 +13,7 @@ class DatasetError(ValueError):
     """A file or folder of a data set is not valid; the message names it."""
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_atomic(path: Path, data: bytes) -> None:
     """Write a file so that it is never seen in part.
 
     Args:

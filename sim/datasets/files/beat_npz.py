@@ -7,7 +7,7 @@ compression at level 1 takes 18 ms to save a third of a megabyte, and higher lev
 from pathlib import Path
 
 from echoscape.sim.datasets.beat_signal import BeatSignal
-from echoscape.sim.datasets.files.atomic_write import DatasetError, write_whole
+from echoscape.sim.datasets.files.atomic_write import DatasetError, write_atomic
 from echoscape.sim.datasets.files.npz import archive_bytes, read_archive
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.sensor import Sensor
@@ -39,7 +39,7 @@ def write_beat(path: Path, beat: BeatSignal) -> None:
     Raises:
         OSError: The folder cannot be written to.
     """
-    write_whole(path, beat_bytes(beat))
+    write_atomic(path, beat_bytes(beat))
 
 
 def read_beat(path: Path, *, sensor: Sensor = CTS350X) -> BeatSignal:

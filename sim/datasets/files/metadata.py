@@ -45,7 +45,7 @@ def read_manifest(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text())
     except FileNotFoundError as error:
-        raise DatasetError(f"{path}: no such file; {path.parent} is no data set of echoscape") from error
+        raise DatasetError(f"{path}: no such file; {path.parent} is not a data set of echoscape") from error
     except (OSError, ValueError) as error:
         raise DatasetError(f"{path}: cannot be read ({error})") from error
     found = content.get("format") if isinstance(content, dict) else None

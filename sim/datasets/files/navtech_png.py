@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from echoscape.sim.datasets.files.atomic_write import DatasetError, write_whole
+from echoscape.sim.datasets.files.atomic_write import DatasetError, write_atomic
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.sensor import Sensor
@@ -60,7 +60,7 @@ def write_png(path: Path, scan: PolarScan, *, ticks_per_us: int = 1) -> None:
     Raises:
         OSError: The folder cannot be written to.
     """
-    write_whole(path, png_bytes(scan, ticks_per_us=ticks_per_us))
+    write_atomic(path, png_bytes(scan, ticks_per_us=ticks_per_us))
 
 
 def read_png(path: Path, *, sensor: Sensor = CTS350X, ticks_per_us: int = 1) -> PolarScan:
@@ -97,7 +97,7 @@ def read_png(path: Path, *, sensor: Sensor = CTS350X, ticks_per_us: int = 1) -> 
     )
 
 
-def is_whole_png(path: Path) -> bool:
+def is_complete_png(path: Path) -> bool:
     """Check that a PNG is complete: every chunk has its check sum, and the last one is IEND.
 
     A chunk is length, type, data, CRC of type and data (W3C, "Portable Network Graphics (PNG)
@@ -157,4 +157,4 @@ def grey_pixels(path: Path) -> NDArray[np.uint8]:
                 raise DatasetError(f"{path}: a scan is an 8-bit grey PNG, this one has mode {image.mode}")
             return np.asarray(image)
     except (OSError, SyntaxError) as error:
-        raise DatasetError(f"{path}: not a whole PNG file ({error})") from error
+        raise DatasetError(f"{path}: not a complete PNG file ({error})") from error

@@ -76,4 +76,4 @@ def read_archive(path: Path, names: tuple[str, ...], *, kind: str) -> dict[str, 
     except DatasetError:
         raise
     except (OSError, ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
-        raise DatasetError(f"{path}: not a whole {kind} ({error})") from error
+        raise DatasetError(f"{path}: not a complete {kind} ({error})") from error

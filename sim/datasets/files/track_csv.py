@@ -126,5 +126,5 @@ def read_car_track(path: Path) -> CarTrack:
         times = np.array([int(words[0]) for words in rows], np.int64)
         rates = np.array([[float(word) for word in words[6:9]] for words in rows]).reshape(-1, 3)
     except ValueError as error:
-        raise DatasetError(f"{path}: a row of the car is no row of a track ({error})") from error
+        raise DatasetError(f"{path}: a row of the car is not a row of a track ({error})") from error
     return CarTrack(time_us=times, rate=rates)

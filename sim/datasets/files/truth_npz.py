@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.datasets.files.atomic_write import DatasetError, write_whole
+from echoscape.sim.datasets.files.atomic_write import DatasetError, write_atomic
 from echoscape.sim.datasets.files.npz import archive_bytes, read_archive
 from echoscape.sim.datasets.polar_scan import CellTruth, MoverBoxes, ScanTruth
 
@@ -72,7 +72,7 @@ def write_truth(path: Path, truth: ScanTruth) -> None:
     Raises:
         OSError: The folder cannot be written to.
     """
-    write_whole(path, truth_bytes(truth))
+    write_atomic(path, truth_bytes(truth))
 
 
 def read_truth(path: Path) -> ScanTruth:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, write_whole
+from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, write_atomic
 from echoscape.sim.datasets.files.track_csv import read_car_track
 from echoscape.sim.datasets.layouts.layout import Layout, ScanRecord, numbers
 from echoscape.sim.sensor.sensor import Sensor
@@ -65,7 +65,7 @@ class Boreas(Layout):
             # About the radar's own axes, of which z points down.
             row = (*pose, -turning, 0.0, 0.0)
             lines.append(f"{record.stem}," + ",".join(f"{value + 0.0:.9f}" for value in row))
-        write_whole(folder / "applanix" / "radar_poses.csv", ("\n".join(lines) + "\n").encode())
+        write_atomic(folder / "applanix" / "radar_poses.csv", ("\n".join(lines) + "\n").encode())
 
     def read_poses(self, folder: Path, stems: Sequence[str], sensor: Sensor) -> NDArray[np.float64] | None:
         """Look up the scans in `applanix/radar_poses.csv`; the car's pose is below the radar's mount.
@@ -103,7 +103,7 @@ def read_radar_poses(path: Path) -> dict[str, NDArray[np.float64]]:
         Poses of the radar (4,): x, y, z [m], yaw [rad], by the names of the scans.
 
     Raises:
-        DatasetError: The file is absent, has another header, or a line is no pose; the message names it.
+        DatasetError: The file is absent, has another header, or a line is not a pose; the message names it.
     """
     lines = read_text(path).splitlines()
     if not lines or not lines[0].replace(" ", "").startswith(POSES_HEADER):

@@ -161,14 +161,16 @@ def numbers(path: Path, lines: Sequence[str], *, count: int, first: int) -> NDAr
         The numbers (N, count).
 
     Raises:
-        DatasetError: A line is no such row; the message names the file and the line.
+        DatasetError: A line is not such a row; the message names the file and the line.
     """
     rows = np.empty((len(lines), count))
     for i, line in enumerate(lines):
         try:
             rows[i] = [float(word) for word in line.split(",")[:count]]
         except ValueError as error:
-            raise DatasetError(f"{path}: line {first + i} is no row of {count} numbers: {line!r}") from error
+            raise DatasetError(
+                f"{path}: line {first + i} is not a row of {count} numbers: {line!r}"
+            ) from error
     return rows
 
 

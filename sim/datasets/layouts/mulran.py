@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, write_whole
+from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, write_atomic
 from echoscape.sim.datasets.layouts.layout import Layout, ScanRecord, interpolated, numbers
 from echoscape.sim.sensor.sensor import Sensor
 
@@ -56,9 +56,9 @@ class MulRan(Layout):
             lines.append(_pose_line(int(record.stem), record.pose[-1]))
         stems = [record.stem for record in records]
         sensors = folder / "sensor_data"
-        write_whole(folder / "global_pose.csv", "".join(lines).encode())
-        write_whole(sensors / "navtech_top_stamp.csv", "".join(f"{stem}\n" for stem in stems).encode())
-        write_whole(sensors / "data_stamp.csv", "".join(f"{stem},radar\n" for stem in stems).encode())
+        write_atomic(folder / "global_pose.csv", "".join(lines).encode())
+        write_atomic(sensors / "navtech_top_stamp.csv", "".join(f"{stem}\n" for stem in stems).encode())
+        write_atomic(sensors / "data_stamp.csv", "".join(f"{stem},radar\n" for stem in stems).encode())
 
     def read_poses(self, folder: Path, stems: Sequence[str], sensor: Sensor) -> NDArray[np.float64] | None:
         """Interpolate `global_pose.csv` to the middle of each scan, half a revolution before its name's time.
@@ -92,7 +92,7 @@ def read_global_poses(path: Path) -> tuple[NDArray[np.int64], NDArray[np.float64
         Times (T,) int64 [ns] and poses (T, 4): x, y, z [m], yaw [rad].
 
     Raises:
-        DatasetError: The file is absent, empty, out of order, or a line is no pose; the message names it.
+        DatasetError: The file is absent, empty, out of order, or a line is not a pose; the message names it.
     """
     lines = read_text(path).splitlines()
     if not lines:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, write_whole
+from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text, write_atomic
 from echoscape.sim.datasets.layouts.layout import Layout, ScanRecord
 from echoscape.sim.datasets.se2 import compose, from_world, relative_from_world, to_world
 from echoscape.sim.sensor.sensor import Sensor
@@ -41,7 +41,7 @@ def write_timestamps(path: Path, stamps_us: Sequence[int]) -> None:
         path: File to write.
         stamps_us: The times [us].
     """
-    write_whole(path, "".join(f"{stamp} 1\n" for stamp in stamps_us).encode())
+    write_atomic(path, "".join(f"{stamp} 1\n" for stamp in stamps_us).encode())
 
 
 def read_timestamps(path: Path) -> list[int]:
@@ -54,13 +54,13 @@ def read_timestamps(path: Path) -> list[int]:
         The time stamps [us].
 
     Raises:
-        DatasetError: The file is absent or a line of it is no `<timestamp> <valid>`; the message names both.
+        DatasetError: The file is absent or a line of it is not `<timestamp> <valid>`; the message names both.
     """
     stamps = []
     for number, line in enumerate(read_text(path).splitlines(), 1):
         words = line.split()
         if len(words) != 2 or not all(word.isdecimal() for word in words):
-            raise DatasetError(f"{path}: line {number} is no '<timestamp> <valid>': {line!r}")
+            raise DatasetError(f"{path}: line {number} is not '<timestamp> <valid>': {line!r}")
         stamps.append(int(words[0]))
     return stamps
 
@@ -109,7 +109,7 @@ def write_odometry(path: Path, rows: Sequence[OdometryRow]) -> None:
         motion = ",".join(f"{value:.6f}" for value in (row.x, row.y, row.z, row.roll, row.pitch, row.yaw))
         files = f"{row.source_radar_us},{row.destination_radar_us}"
         lines.append(f"{row.source_us},{row.destination_us},{motion},{files}")
-    write_whole(path, ("\n".join(lines) + "\n").encode())
+    write_atomic(path, ("\n".join(lines) + "\n").encode())
 
 
 def read_odometry(path: Path) -> list[OdometryRow]:
@@ -122,7 +122,7 @@ def read_odometry(path: Path) -> list[OdometryRow]:
         A row for each pair of scans.
 
     Raises:
-        DatasetError: The file is absent, has another header, or a row is no motion; the message names both.
+        DatasetError: The file is absent, has another header, or a row is not valid; the message names both.
     """
     lines = list(csv.reader(read_text(path).splitlines()))
     if not lines or tuple(lines[0]) != ODOMETRY_HEADER:
@@ -134,7 +134,7 @@ def read_odometry(path: Path) -> list[OdometryRow]:
             x, y, z, roll, pitch, yaw = (float(word) for word in words[2:8])
             source, destination, source_radar, destination_radar = times
         except ValueError as error:
-            raise DatasetError(f"{path}: line {number} is no row of odometry ({error})") from error
+            raise DatasetError(f"{path}: line {number} is not a row of odometry ({error})") from error
         rows.append(
             OdometryRow(
                 source_us=source,

@@ -106,7 +106,7 @@ def test_layout_and_sensor_can_be_forced(tmp_path: Path) -> None:
     sensor = replace(CIR204, name="mine", bins=100, fft_size=512, bin_m=0.9, bandwidth_hz=40e6)
     put(tmp_path, "boreas", sensor)
     with pytest.raises(
-        DatasetError, match=r"124375\.png: 400 rows and 111 columns are no scan of the layout boreas"
+        DatasetError, match=r"124375\.png: 400 rows and 111 columns are not a scan of the layout boreas"
     ):
         open_folder(tmp_path)
     found = open_folder(tmp_path, layout="boreas", sensor=sensor)
@@ -153,7 +153,7 @@ def test_oxford_odometry_is_chained_and_gaps_are_told(tmp_path: Path) -> None:
 def test_cut_picture_is_refused_by_name(tmp_path: Path, layout: str, sensor: Sensor) -> None:
     paths = put(tmp_path, layout, sensor, START_US, START_US + 250_000)
     paths[1].write_bytes(paths[1].read_bytes()[:5000])
-    with pytest.raises(DatasetError, match=rf"{paths[1].name}: not a whole PNG"):
+    with pytest.raises(DatasetError, match=rf"{paths[1].name}: not a complete PNG"):
         open_folder(tmp_path).read(1)
 
 

@@ -25,7 +25,7 @@ from echoscape.sim.datasets.layouts.oxford import read_odometry, read_timestamps
 from echoscape.sim.generation import setup as stage
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
-from echoscape.sim.generation.workers import WorkerError, whole_scans
+from echoscape.sim.generation.workers import WorkerError, complete_scans
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.settings.tracing import TraceSettings
 
@@ -216,7 +216,7 @@ def test_full_folder_is_refused_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / "diary.txt").write_text("dear")
     with pytest.raises(DatasetError, match="OUT must be empty or new"):
         write_dataset(tmp_path, CONFIG)
-    with pytest.raises(DatasetError, match="is no data set"):
+    with pytest.raises(DatasetError, match="is not a data set"):
         write_dataset(tmp_path, CONFIG, resume=True)
     assert [path.name for path in tmp_path.iterdir()] == ["diary.txt"]
 
@@ -286,7 +286,7 @@ def test_resume_makes_again_what_was_cut_short(with_beat: Path, tmp_path: Path, 
     nothing, half, nearly, whole = sorted((out / kind).iterdir())
     for path, size in ((nothing, 0), (half, half.stat().st_size // 2), (nearly, nearly.stat().st_size - 1)):
         os.truncate(path, size)
-    assert whole_scans(out, config) == {whole.stem}
+    assert complete_scans(out, config) == {whole.stem}
     before = whole.stat().st_mtime_ns
     write_dataset(out, config, resume=True)
     assert whole.stat().st_mtime_ns == before
@@ -331,6 +331,6 @@ def test_resume_makes_a_scan_again_whose_picture_is_damaged(made: Path, tmp_path
     data = bytearray(damaged.read_bytes())
     data[5000] ^= 0xFF
     damaged.write_bytes(data)
-    assert whole_scans(out, CONFIG) == {path.stem for path in others}
+    assert complete_scans(out, CONFIG) == {path.stem for path in others}
     write_dataset(out, CONFIG, resume=True)
     _assert_same_bytes(out, made)

@@ -31,7 +31,7 @@ def _config(path: Path, *, scans: int = 2) -> SimulationConfig:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("own")
+    folder = tmp_path_factory.mktemp("custom")
     write_dataset(folder / "set", _config(user_scene_file(folder / "files")))
     return folder / "set"
 
@@ -53,7 +53,7 @@ def test_bytes_do_not_depend_on_where_the_files_lie_nor_on_workers(
 def test_the_manifest_holds_the_description_and_the_hash_but_no_place(made: Path) -> None:
     content = json.loads((made / "echoscape.json").read_text())
     scene = content["config"]["scene"]
-    assert (content["config"]["preset"], scene["file"], len(scene["sha256"])) == ("own", "wall.obj", 64)
+    assert (content["config"]["preset"], scene["file"], len(scene["sha256"])) == ("custom", "wall.obj", 64)
     assert scene["rules"][0]["material"] == "metal"
     assert str(made.parent) not in (made / "echoscape.json").read_text()
 
@@ -113,9 +113,9 @@ def test_a_preset_beside_a_scene_is_refused(tmp_path: Path) -> None:
         SimulationConfig(preset="open", scene=scene)
     assert SimulationConfig().preset == "town"
     config = SimulationConfig(scene=scene)
-    assert replace(config, scans=3).preset == config.preset == "own"
-    with pytest.raises(ValueError, match=r"preset must be one of town, .*, got 'own'"):
-        SimulationConfig(preset="own")
+    assert replace(config, scans=3).preset == config.preset == "custom"
+    with pytest.raises(ValueError, match=r"preset must be one of town, .*, got 'custom'"):
+        SimulationConfig(preset="custom")
 
 
 AHEAD = FromStart(target=Target(kind="wall", position_m=(15.0, 0.0, 0.0), size_m=(2.0, 2.0, 0.2)))

@@ -94,7 +94,7 @@ def test_description_without_a_base_that_lacks_a_field_is_refused_by_its_name(tm
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("colour = 1", "colour is no field"),
+        ("colour = 1", "colour is not a field"),
         ("bin_m = '0.05'", "bin_m must be a number, got '0.05'"),
         ("bin_m = true", "bin_m must be a number, got True"),
         ("bin_m = nan", "bin_m must be finite"),

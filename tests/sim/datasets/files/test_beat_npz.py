@@ -51,7 +51,7 @@ def test_absent_beat_is_refused_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize("left", [0, 10, 20_000, -10])
 def test_cut_beat_is_refused_by_name(archive: Path, tmp_path: Path, left: int) -> None:
     (tmp_path / "cut.npz").write_bytes(archive.read_bytes()[:left])
-    with pytest.raises(DatasetError, match=r"cut\.npz: not a whole beat file"):
+    with pytest.raises(DatasetError, match=r"cut\.npz: not a complete beat file"):
         read_beat(tmp_path / "cut.npz", sensor=SENSOR)
 
 
@@ -59,7 +59,7 @@ def test_damaged_beat_is_refused_by_name(archive: Path, tmp_path: Path) -> None:
     data = bytearray(archive.read_bytes())
     data[5000:5100] = bytes(100)
     (tmp_path / "damaged.npz").write_bytes(data)
-    with pytest.raises(DatasetError, match=r"damaged\.npz: not a whole beat file"):
+    with pytest.raises(DatasetError, match=r"damaged\.npz: not a complete beat file"):
         read_beat(tmp_path / "damaged.npz", sensor=SENSOR)
 
 

@@ -49,7 +49,7 @@ def test_same_scan_gives_same_bytes(picture: Path, tmp_path: Path) -> None:
 def test_cut_picture_is_refused_by_name(picture: Path, tmp_path: Path, kept: int) -> None:
     cut = tmp_path / "cut.png"
     cut.write_bytes(picture.read_bytes()[:kept])
-    with pytest.raises(DatasetError, match=r"cut\.png: not a whole PNG"):
+    with pytest.raises(DatasetError, match=r"cut\.png: not a complete PNG"):
         read_png(cut)
 
 

@@ -69,7 +69,7 @@ def test_absent_truth_is_refused_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kept", [0, 10, 20_000, -10])
 def test_cut_truth_is_refused_by_name(archive: Path, tmp_path: Path, kept: int) -> None:
     (tmp_path / "cut.npz").write_bytes(archive.read_bytes()[:kept])
-    with pytest.raises(DatasetError, match=r"cut\.npz: not a whole truth"):
+    with pytest.raises(DatasetError, match=r"cut\.npz: not a complete truth"):
         read_truth(tmp_path / "cut.npz")
 
 
@@ -77,7 +77,7 @@ def test_damaged_truth_is_refused_by_name(archive: Path, tmp_path: Path) -> None
     data = bytearray(archive.read_bytes())
     data[5000:5100] = bytes(100)
     (tmp_path / "damaged.npz").write_bytes(data)
-    with pytest.raises(DatasetError, match=r"damaged\.npz: not a whole truth"):
+    with pytest.raises(DatasetError, match=r"damaged\.npz: not a complete truth"):
         read_truth(tmp_path / "damaged.npz")
 
 

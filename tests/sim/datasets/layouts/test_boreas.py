@@ -109,8 +109,8 @@ def test_real_heading_with_its_lean_gives_the_yaw_of_the_radars_nose(tmp_path: P
     [
         ("", "the header"),
         ("a,b\n", "the header"),
-        (f"{POSES_HEADER}\n1,2,3\n", "line 2 is no row of 13"),
-        (f"{POSES_HEADER}\n1,2,3,4,5,6,7,8,9,10,11,12,x\n", "line 2 is no row of 13"),
+        (f"{POSES_HEADER}\n1,2,3\n", "line 2 is not a row of 13"),
+        (f"{POSES_HEADER}\n1,2,3,4,5,6,7,8,9,10,11,12,x\n", "line 2 is not a row of 13"),
     ],
 )
 def test_senseless_poses_are_refused_by_name(tmp_path: Path, text: str, message: str) -> None:

@@ -119,8 +119,8 @@ GOOD = "1,1,0,0,0,0,1,0,0,0,0,1,0"
     [
         ("", "no poses"),
         ("noon,1,2", "no time"),
-        (f"{GOOD}\n2,1,2,3", "line 2 is no row of 13"),
-        (f"{GOOD}\n2{GOOD[1:-1]}x", "line 2 is no row of 13"),
+        (f"{GOOD}\n2,1,2,3", "line 2 is not a row of 13"),
+        (f"{GOOD}\n2{GOOD[1:-1]}x", "line 2 is not a row of 13"),
         (f"{GOOD}\n{GOOD}", "times do not increase"),
         ("9" * 30 + GOOD[1:], "no time"),
     ],
