@@ -72,8 +72,8 @@ def test_levels_of_the_sidelobes_are_those_of_the_beam() -> None:
         assert 10 * np.log10(gain / beam.azimuth_two_way.max()) == pytest.approx(level_db, abs=0.6)
 
 
-def test_tables_are_put_into_their_places_only() -> None:
+def test_tables_are_put_between_their_comments_only() -> None:
     page = "a\n<!-- x -->\nold\n<!-- end of x -->\nb\n<!-- y -->\n<!-- end of y -->\n"
     assert filled(page, "x", "| 1\\2 |\n") == page.replace("old", "| 1\\2 |")
-    with pytest.raises(ValueError, match="one place z, got 0"):
+    with pytest.raises(ValueError, match="one table z, got 0"):
         filled(page, "z", "")

@@ -11,13 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.eval.ablation.cases import NOMINAL, ArtefactCase, chosen_cases
-from echoscape.scenes.driving.ego_drive import EgoDrive
-from echoscape.scenes.traffic.plan import plan_traffic
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.generation.config import SimulationConfig
-from echoscape.sim.generation.setup import build_scene
+from echoscape.sim.generation.single_scan import build_simulator
 from echoscape.sim.settings.artefacts import Artefacts
-from echoscape.sim.simulator import Simulator
 
 Progress = Callable[[str, int, int], None]
 """Called with a stage (town, scans, figures), how much of it is done, and how much there is to do."""
@@ -97,7 +94,9 @@ def simulate_cases(
     cases = chosen_cases(names)
     check_index(config, index)
     report = progress or (lambda stage, done, total: None)
-    simulator = _simulator(config, report)
+    report("town", 0, 1)
+    simulator = build_simulator(config)
+    report("town", 1, 1)
     strengths = [_strengths(case, config) for case in cases]
     settings = [
         replace(config.artefacts, **{case.name: strength})
@@ -224,22 +223,3 @@ def _strengths(case: ArtefactCase, config: SimulationConfig) -> tuple[float, ...
     nominal = getattr(config.artefacts.strengths(config.sensor), case.name)
     nominal = nominal or getattr(Artefacts().strengths(config.sensor), case.name)
     return (0.0, *(nominal if strength == NOMINAL else strength for strength in case.strengths))
-
-
-def _simulator(config: SimulationConfig, report: Progress) -> Simulator:
-    report("town", 0, 1)
-    setup = build_scene(config)
-    movers = ()
-    if isinstance(setup.drive, EgoDrive):
-        movers = plan_traffic(setup.town, setup.drive, seed=config.seed, settings=config.traffic)
-    report("town", 1, 1)
-    return Simulator(
-        setup.town,
-        setup.drive,
-        movers,
-        seed=config.seed,
-        sensor=config.sensor,
-        settings=config.trace,
-        artefacts=config.artefacts,
-        surfaces=config.surfaces,
-    )

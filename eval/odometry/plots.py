@@ -172,7 +172,7 @@ def matches_figure(earlier: PolarScan, later: PolarScan, motion: PairMotion, *, 
     if motion.matches is not None:
         axes = figure.add_subplot(grid[2])
         background = 0.6 * ECHO_COLOURMAP(first)[..., :3]
-        _show(axes, background, "matches on the earlier scan: line from the later scan's point, by weight")
+        _show(axes, background, "matches: from the later scan's point to the earlier one's")
         _draw_matches(axes, motion.matches)
     figure.text(0.02, 0.945, title, size=18, color=INK, weight="bold", va="center")
     text = (

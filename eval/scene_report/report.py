@@ -14,7 +14,7 @@ import numpy as np
 
 from echoscape.eval.scene_report.figure import ScenePlan, scene_page
 from echoscape.eval.scene_report.statistics import Inventory, inventory
-from echoscape.scenes.io.gltf_export import town_to_glb
+from echoscape.scenes.io.gltf_export import scene_to_glb
 from echoscape.sim.datasets.files.atomic_write import temporary_beside
 from echoscape.sim.datasets.files.output_folder import (
     check_output_folder,
@@ -56,7 +56,7 @@ def write_scene(out: Path, config: SimulationConfig, *, progress: Progress | Non
     report("world", 1, 1)
     with _new_folder(out) as folder:
         report("glb", 0, 1)
-        (folder / "scene.glb").write_bytes(town_to_glb(setup.scene))
+        (folder / "scene.glb").write_bytes(scene_to_glb(setup.scene))
         report("glb", 1, 1)
         report("plan", 0, 1)
         page = scene_page(_plan(folder / "scene.glb", config, setup, counts))
