@@ -1,4 +1,4 @@
-"""What ablations cost: one scan, a list of settings over one trace, and a scan of its own for each.
+"""Cost of ablations: one scan, several settings of artefacts over one trace, and a scan for each setting.
 
     python -m benchmarks.ablations [--scans 8]
 
@@ -6,19 +6,19 @@ One thread; medians over scans of the default town.
 """
 
 import argparse
-import statistics
+from dataclasses import replace
 
 from benchmarks.machine import description
-from benchmarks.stages import timed
-from echoscape.scenes.driving.ego_drive import plan_ego_drive
-from echoscape.scenes.town.build import build_town
-from echoscape.scenes.traffic.plan import plan_traffic
+from benchmarks.stopwatch import Stopwatch
+from echoscape.sim.generation.config import SimulationConfig
+from echoscape.sim.generation.single_scan import build_simulator
 from echoscape.sim.raytracing.mitsuba_backend import set_threads
 from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.sim.simulator import Simulator
 
-WITHOUT = ("speckle", "ghosts", "sidelobes", "saturation", "phase_noise", "thermal_noise", "leakage")
-SETTINGS = (Artefacts(), *(Artefacts().without(name) for name in WITHOUT))
+SWITCHED_OFF = ("speckle", "ghosts", "sidelobes", "saturation", "phase_noise", "thermal_noise", "leakage")
+SETTINGS = (Artefacts(), *(Artefacts().without(name) for name in SWITCHED_OFF))
+"""All artefacts, and all but one of each."""
 
 
 def main() -> None:
@@ -31,35 +31,34 @@ def main() -> None:
     options = parser.parse_args()
     print(description(), "- one thread")
     set_threads(1)
-    town = build_town("town", seed=options.seed)
-    drive = plan_ego_drive(town, seed=options.seed, duration_s=options.scans / 2 + 5)
-    movers = plan_traffic(town, drive, seed=options.seed)
-    simulators = [
-        Simulator(town, drive, movers, seed=options.seed, artefacts=setting) for setting in SETTINGS
-    ]
-    times = measure(simulators, options.scans)
-    one = statistics.median(times["one scan"])
-    for name, values in times.items():
-        median = statistics.median(values)
-        print(f"{name:44s} {1e3 * median:9.1f} ms {median / one:6.2f} scans")
+    config = SimulationConfig(seed=options.seed, scans=options.scans + 2)
+    simulators = [build_simulator(replace(config, artefacts=each)) for each in SETTINGS]
+    medians_s = measure(simulators, options.scans).medians_s()
+    for name, median_s in medians_s.items():
+        print(f"{name:44s} {1e3 * median_s:9.1f} ms {median_s / medians_s['one scan']:6.2f} scans")
 
 
-def measure(simulators: list[Simulator], scans: int) -> dict[str, list[float]]:
-    """Return the times [s] of each way to make a scan under all settings."""
+def measure(simulators: list[Simulator], scans: int) -> Stopwatch:
+    """Time each way to simulate scans under all settings.
+
+    Args:
+        simulators: A simulator for each of `SETTINGS`.
+        scans: Number of scans.
+
+    Returns:
+        The times.
+    """
     first, count = simulators[0], len(SETTINGS)
-    times: dict[str, list[float]] = {}
+    watch = Stopwatch()
     for index in range(scans + 2):
-        warm = index >= 2
-        into = lambda name: times.setdefault(name, []) if warm else []  # noqa: B023, E731
-        timed(lambda: first.scan(index), into("one scan"))  # noqa: B023
-        timed(lambda: first.echoes(index), into("its trace alone"))  # noqa: B023
-        timed(lambda: first.scans(index, SETTINGS), into(f"{count} settings over one trace"))  # noqa: B023
-        timed(
-            lambda: first.scans(index, SETTINGS, truth=False),  # noqa: B023
-            into(f"{count} settings over one trace, without truth"),
-        )
-        timed(lambda: [each.scan(index) for each in simulators], into(f"{count} scans"))  # noqa: B023
-    return times
+        watch.warm = index >= 2
+        watch.time("one scan", first.scan, index)
+        watch.time("its trace alone", first.echoes, index)
+        watch.time(f"{count} settings over one trace", first.scans, index, SETTINGS)
+        label = f"{count} settings over one trace, without truth"
+        watch.time(label, first.scans, index, SETTINGS, truth=False)
+        watch.time(f"{count} scans", lambda number: [each.scan(number) for each in simulators], index)
+    return watch
 
 
 if __name__ == "__main__":

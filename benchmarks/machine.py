@@ -1,4 +1,4 @@
-"""What the figures were measured on."""
+"""The machine that values were measured on."""
 
 import os
 import platform
@@ -7,7 +7,11 @@ from pathlib import Path
 
 
 def description() -> str:
-    """Return processor, cores, Python and the versions that matter, in one line."""
+    """Describe processor, cores, Python and the packages that matter, in one line.
+
+    Returns:
+        The text.
+    """
     model = platform.processor() or platform.machine()
     if Path("/proc/cpuinfo").exists():
         lines = Path("/proc/cpuinfo").read_text().splitlines()

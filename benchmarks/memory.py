@@ -1,4 +1,4 @@
-"""Memory of a worker over many scans of the default town: it must stay flat.
+"""Memory of a worker over many scans of the default town: it must not grow.
 
 python -m benchmarks.memory [--scans 1000]
 """
@@ -7,10 +7,8 @@ import argparse
 from pathlib import Path
 
 from benchmarks.machine import description
-from echoscape.scenes.driving.ego_drive import plan_ego_drive
-from echoscape.scenes.town.build import build_town
-from echoscape.scenes.traffic.plan import plan_traffic
-from echoscape.sim.simulator import Simulator
+from echoscape.sim.generation.config import SimulationConfig
+from echoscape.sim.generation.single_scan import build_simulator
 
 
 def resident_mb() -> float:
@@ -28,10 +26,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=7)
     options = parser.parse_args()
     print(description())
-    town = build_town("town", seed=options.seed)
-    drive = plan_ego_drive(town, seed=options.seed, duration_s=options.scans / 4 * 1.02 + 1)
-    movers = plan_traffic(town, drive, seed=options.seed)
-    simulator = Simulator(town, drive, movers, seed=options.seed)
+    simulator = build_simulator(SimulationConfig(seed=options.seed, scans=options.scans))
     for index in range(options.scans):
         simulator.scan(index)
         if (index + 1) % max(options.scans // 10, 1) == 0:

@@ -63,8 +63,8 @@ def means(found: list[dict[str, float | None]]) -> dict[str, float | None]:
     Returns:
         The mean of each column over the folders that have it.
     """
-    values = {key: [each[key] for each in found if each.get(key) is not None] for key, _, _ in COLUMNS}
-    return {key: statistics.fmean(each) for key, each in values.items() if each}
+    values = {key: [value for each in found if (value := each[key]) is not None] for key, _, _ in COLUMNS}
+    return {key: statistics.fmean(each) if each else None for key, each in values.items()}
 
 
 def _nested(content: dict[str, Any], key: str) -> float | None:

@@ -1,8 +1,8 @@
-"""Scans a second in the default town, all artefacts on and truth written, in the steady state.
+"""Scans per second in the default town, with all artefacts and truth files, after the start-up.
 
     python -m benchmarks.scan_rate [--scans 120] [--workers 1 2]
 
-One dataset for each number of workers; the rate is that of the later half of its scans.
+One data set for each number of workers; the rate is that of the second half of its scans.
 """
 
 import argparse
@@ -17,7 +17,16 @@ from echoscape.sim.generation.dataset import write_dataset
 
 
 def rate(scans: int, workers: int, seed: int) -> float:
-    """Return the scans a second of the later half of a run."""
+    """Measure the rate of a run.
+
+    Args:
+        scans: Number of scans.
+        workers: Number of worker processes.
+        seed: Seed of the data set.
+
+    Returns:
+        Scans per second over the second half of the scans.
+    """
     times: list[tuple[int, float]] = []
 
     def clock(stage: str, done: int, total: int) -> None:
@@ -49,7 +58,7 @@ def main() -> None:
     print(description())
     for workers in options.workers:
         found = rate(options.scans, workers, options.seed)
-        print(f"{workers} worker(s): {found:.2f} scans/s over the later half of {options.scans} scans")
+        print(f"{workers} worker(s): {found:.2f} scans/s over the second half of {options.scans} scans")
 
 
 if __name__ == "__main__":

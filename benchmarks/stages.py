@@ -1,4 +1,4 @@
-"""Where a scan's time goes, and the fast way beside the plain one that it is tested against.
+"""Times of the stages of a scan, and the fast beat signal beside the plain one that it is tested against.
 
     python -m benchmarks.stages [--scans 12]
 
@@ -6,24 +6,20 @@ One thread; medians over scans of the default town.
 """
 
 import argparse
-import statistics
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.machine import description
-from echoscape.scenes.driving.ego_drive import plan_ego_drive
-from echoscape.scenes.town.build import build_town
-from echoscape.scenes.traffic.plan import plan_traffic
+from benchmarks.stopwatch import Stopwatch
 from echoscape.sim.datasets.files.navtech_png import write_png
 from echoscape.sim.datasets.files.truth_npz import write_truth
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.echoes import Echoes
+from echoscape.sim.generation.config import SimulationConfig
+from echoscape.sim.generation.single_scan import build_simulator
 from echoscape.sim.ground_truth.cell_labels import CellLabeller
 from echoscape.sim.raytracing.mitsuba_backend import set_threads
 from echoscape.sim.receiver.if_signal import beat, beat_reference, echo_grid, spectrum
@@ -32,18 +28,8 @@ from echoscape.sim.receiver.receiver import receive
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.simulator import Simulator
 
-REFERENCE_ROWS = 4
-
-
-Result = TypeVar("Result")
-
-
-def timed(work: Callable[[], Result], times: list[float]) -> Result:
-    """Do `work`, append how long it took [s], and return what it gave."""
-    begun = time.perf_counter()
-    result = work()
-    times.append(time.perf_counter() - begun)
-    return result
+REFERENCE_AZIMUTHS = 4
+"""Azimuths of which the plain beat signal is computed; it is slow."""
 
 
 def main() -> None:
@@ -56,60 +42,69 @@ def main() -> None:
     options = parser.parse_args()
     print(description(), "- one thread")
     set_threads(1)
-    town = build_town("town", seed=options.seed)
-    drive = plan_ego_drive(town, seed=options.seed, duration_s=options.scans / 2 + 5)
-    movers = plan_traffic(town, drive, seed=options.seed)
-    simulator = Simulator(town, drive, movers, seed=options.seed)
-    times = measure(simulator, options.scans)
-    for stage, values in times.items():
-        print(f"{stage:44s} {1e3 * statistics.median(values):9.1f} ms")
+    simulator = build_simulator(SimulationConfig(seed=options.seed, scans=2 * options.scans))
+    for stage, median_s in measure(simulator, options.scans).medians_s().items():
+        print(f"{stage:44s} {1e3 * median_s:9.1f} ms")
 
 
-def measure(simulator: Simulator, scans: int) -> dict[str, list[float]]:
-    """Return the times [s] of each stage of some scans."""
+def measure(simulator: Simulator, scans: int) -> Stopwatch:
+    """Time each stage of some scans.
+
+    Args:
+        simulator: The simulator, with twice as many scans.
+        scans: Number of scans; half as many more come first, until all is warm.
+
+    Returns:
+        The times.
+    """
     sensor, artefacts = simulator.sensor, simulator.artefacts
     labeller = CellLabeller(sensor, simulator.instance_class)
-    times: dict[str, list[float]] = {}
+    watch = Stopwatch()
     for index in range(2 * scans):
-        warm = index >= scans // 2
-        into = lambda stage: times.setdefault(stage, []) if warm else []  # noqa: B023, E731
-        echoes = timed(lambda: simulator.echoes(index), into("trace: rays to echoes"))  # noqa: B023
-        grid = timed(lambda: echo_grid(echoes, sensor), into("waveform: echoes to grid"))  # noqa: B023
-        rngs = [np.random.default_rng([index, k]) for k in range(2)]
-        received = timed(
-            lambda: receive(grid, sensor, artefacts, noise_rng=rngs[0], phase_rng=rngs[1]),  # noqa: B023
-            into("receiver: grid to power and its parts"),
-        )
-        timed(lambda: codes(received.power), into("quantiser"))  # noqa: B023
-        timed(lambda: labeller.label(labeller.dominant_echoes(echoes), received, artefacts), into("truth"))  # noqa: B023
-        if warm and index % 4 == 0:
-            write(simulator.scan(index), into)
-            compare(echoes, grid, times)
-    return times
+        watch.warm = index >= scans // 2
+        echoes = watch.time("trace: rays to echoes", simulator.echoes, index)
+        grid = watch.time("waveform: echoes to grid", echo_grid, echoes, sensor)
+        noise_rng, phase_rng = (np.random.default_rng([index, k]) for k in range(2))
+        received = watch.time(
+            "receiver: grid to power and its parts",
+            receive, grid, sensor, artefacts, noise_rng=noise_rng, phase_rng=phase_rng,
+        )  # fmt: skip
+        watch.time("quantiser", codes, received.power)
+        dominant = watch.time("truth: dominant echoes", labeller.dominant_echoes, echoes)
+        watch.time("truth: labels", labeller.label, dominant, received, artefacts)
+        if watch.warm and index % 4 == 0:
+            write(simulator.scan(index), watch)
+            compare(echoes, grid, watch)
+    return watch
 
 
-def write(scan: PolarScan, into: Callable[[str], list[float]]) -> None:
-    """Time the writing of a scan's files."""
-    truth = scan.truth
-    if truth is None:
+def write(scan: PolarScan, watch: Stopwatch) -> None:
+    """Time the writing of a scan's files.
+
+    Args:
+        scan: The scan with its truth.
+        watch: Records the times.
+    """
+    if scan.truth is None:
         raise RuntimeError("a simulated scan has its truth")
     with tempfile.TemporaryDirectory() as folder:
-        timed(lambda: write_png(Path(folder) / "scan.png", scan), into("file: scan"))
-        timed(lambda: write_truth(Path(folder) / "truth.npz", truth), into("file: truth"))
+        watch.time("file: scan", write_png, Path(folder) / "scan.png", scan)
+        watch.time("file: truth", write_truth, Path(folder) / "truth.npz", scan.truth)
 
 
-def compare(echoes: Echoes, grid: NDArray[np.complex64], times: dict[str, list[float]]) -> None:
-    """Time the plain and the fast way from echoes to beat signals on a few rows."""
-    few = echoes.select(echoes.azimuth < REFERENCE_ROWS)
-    rows = f"({REFERENCE_ROWS} rows)"
-    signal = timed(
-        lambda: beat_reference(few, CTS350X)[:REFERENCE_ROWS],
-        times.setdefault(f"plain: sum of tones {rows}", []),
-    )
-    timed(
-        lambda: spectrum(signal.astype(np.float32), CTS350X), times.setdefault(f"window and FFT {rows}", [])
-    )
-    timed(lambda: beat(grid[:REFERENCE_ROWS], CTS350X), times.setdefault(f"fast: gridded beat {rows}", []))
+def compare(echoes: Echoes, grid: NDArray[np.complex64], watch: Stopwatch) -> None:
+    """Time the plain and the fast computation of beat signals, on a few azimuths.
+
+    Args:
+        echoes: Echoes of a scan.
+        grid: The same on the grid of range bins (azimuths, bins).
+        watch: Records the times.
+    """
+    few = echoes.select(echoes.azimuth < REFERENCE_AZIMUTHS)
+    label = f"({REFERENCE_AZIMUTHS} azimuths)"
+    signal = watch.time(f"plain: sum of tones {label}", beat_reference, few, CTS350X)[:REFERENCE_AZIMUTHS]
+    watch.time(f"window and FFT {label}", spectrum, signal.astype(np.float32), CTS350X)
+    watch.time(f"fast: gridded beat {label}", beat, grid[:REFERENCE_AZIMUTHS], CTS350X)
 
 
 if __name__ == "__main__":
