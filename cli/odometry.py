@@ -115,6 +115,7 @@ def _check(options: Options) -> None:
         "--weights": options.weights is not None,
         "--resolution": options.resolution is not None,
         "--solver": options.solver != "keyframe",
+        "--no-compensate": not options.compensate,
         "--loop-pairs": options.loop_pairs != 0,
         "--device": options.device != "auto",
         "--threads": options.threads != 1,
