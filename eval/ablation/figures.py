@@ -184,7 +184,8 @@ def _draw_box(axes: Axes, box: ObservedBox) -> None:
         ahead = np.array([np.sin(box.heading_rad), np.cos(box.heading_rad)])
         front = np.array([box.right_m, box.forward_m]) + ahead * box.length_m / 2
         style = {"arrowstyle": "->", "color": BOX_COLOUR, "shrinkA": 0, "shrinkB": 0}
-        axes.annotate("", front + ahead * box.speed_m_s, front, arrowprops=style, annotation_clip=True)
+        tip = (front + ahead * box.speed_m_s).tolist()
+        axes.annotate("", (tip[0], tip[1]), (front[0], front[1]), arrowprops=style, annotation_clip=True)
 
 
 def _panel_title(found: CaseScans, place: int) -> str:

@@ -243,13 +243,13 @@ class _WorstSoFar:
         """Consider pair `index`; failed pairs (None) have nothing to show."""
         if motion is None:
             return
-        *rank, criterion = self._ranked(index, motion)
-        if self._rank is None or tuple(rank) > self._rank:
-            self._rank = (rank[0], rank[1])
+        priority, value, criterion = self._ranked(index, motion)
+        if self._rank is None or (priority, value) > self._rank:
+            self._rank = (priority, value)
             self.found = WorstPair(index=index, motion=motion, criterion=criterion)
 
     def _ranked(self, index: int, motion: PairMotion) -> tuple[int, float, str]:
-        """Return how bad a pair is, as a rank of the criterion, a value of it, and its name."""
+        """Return how bad a pair is: priority of the criterion, its value, and its name."""
         if self._truth is not None and np.isfinite(self._truth[index : index + 2]).all():
             true_x, true_y, _ = relative(self._truth[index], self._truth[index + 1]).tolist()
             return 2, math.hypot(motion.x_m - true_x, motion.y_m - true_y), "largest translation error"
