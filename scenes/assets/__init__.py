@@ -1,1 +1,1 @@
-"""What stands in a scene: buildings, vehicles, people, vegetation, street furniture, walls and fences."""
+"""Objects of a scene: buildings, vehicles, people, vegetation, street furniture, walls and fences."""

@@ -1,4 +1,4 @@
-"""People on foot and on bicycles: limbs, torso and head of tapered tubes and ellipsoids, in a few poses."""
+"""Pedestrians and cyclists in a few poses: limbs, torso and head as tapered tubes and ellipsoids."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,11 @@ Point = tuple[float, float, float]
 
 
 def pedestrian_prototypes() -> tuple[Prototype, ...]:
-    """Return a walking adult, a standing adult with a bag, and a child."""
+    """Make a walking adult, a standing adult with a bag, and a child.
+
+    Returns:
+        The prototypes.
+    """
     adult = _walker(stride_m=0.34, size=1.0)
     standing = merge([_walker(stride_m=0.04, size=1.03), ellipsoid((0.13, 0.17, 0.24), (-0.2, 0, 1.28))])
     child = _walker(stride_m=0.25, size=0.72)
@@ -23,7 +27,11 @@ def pedestrian_prototypes() -> tuple[Prototype, ...]:
 
 
 def cyclist_prototypes() -> tuple[Prototype, ...]:
-    """Return an upright and a stooped rider, each on a bicycle."""
+    """Make an upright and a stooped rider, each on a bicycle.
+
+    Returns:
+        The prototypes.
+    """
     return (
         prototype("cyclist_upright", "cyclist", {**_bicycle(), "person": _rider(lean_m=0.15)}),
         prototype("cyclist_racer", "cyclist", {**_bicycle(), "person": _rider(lean_m=0.42)}),
@@ -31,7 +39,7 @@ def cyclist_prototypes() -> tuple[Prototype, ...]:
 
 
 def _limb(joints: Sequence[Point], radii_m: Sequence[float], size: float = 1.0) -> Mesh:
-    """Return tapered tubes along `joints`, `radii_m` thick at each."""
+    """Make tapered tubes along `joints` with the radius `radii_m` at each joint."""
     points = size * np.array(joints)
     bones = [
         tube(a, b, size * ra, size * rb, sides=6)
@@ -41,7 +49,7 @@ def _limb(joints: Sequence[Point], radii_m: Sequence[float], size: float = 1.0) 
 
 
 def _torso(hips: Point, shoulders: Point, size: float = 1.0) -> Mesh:
-    """Return a trunk between the middles of hips and shoulders, broad across and thin from chest to back."""
+    """Make a torso between the middles of hips and shoulders, wider than deep."""
     low, high = size * np.array(hips), size * np.array(shoulders)
     axis = (high - low) / np.linalg.norm(high - low)
     forward = np.array([axis[2], 0.0, -axis[0]])
@@ -59,7 +67,7 @@ def _torso(hips: Point, shoulders: Point, size: float = 1.0) -> Mesh:
 
 
 def _walker(*, stride_m: float, size: float) -> Mesh:
-    """Return a person of 1.75 m times `size`, facing x, with `stride_m` from the hips to each heel."""
+    """Make a person of height 1.75 m times `size`, facing x, with `stride_m` from the hips to each heel."""
     s = stride_m
     legs = [
         _limb([(0, y, 0.92), (0.45 * d + 0.06, y, 0.5), (d, y, 0.07)], [0.085, 0.06, 0.042], size)
@@ -82,13 +90,14 @@ def _walker(*, stride_m: float, size: float) -> Mesh:
 
 
 def _head(middle: Point, size: float = 1.0) -> Mesh:
+    """Make a head and neck."""
     x, y, z = (size * value for value in middle)
     neck = tube((x - 0.02, y, z - 0.2 * size), (x, y, z - 0.06 * size), size * 0.055)
     return merge([neck, ellipsoid((size * 0.1, size * 0.08, size * 0.12), (x, y, z))])
 
 
 def _rider(*, lean_m: float) -> Mesh:
-    """Return a rider on the saddle at x = -0.2, z = 0.95; `lean_m` is how far its shoulders are ahead."""
+    """Make a rider on the saddle at x = -0.2, z = 0.95, whose shoulders are `lean_m` ahead of it."""
     shoulder = -0.2 + lean_m
     high = 0.97 + float(np.sqrt(0.55**2 - lean_m**2))
     legs = [
@@ -110,7 +119,7 @@ def _rider(*, lean_m: float) -> Mesh:
 
 
 def _bicycle() -> dict[str, Mesh]:
-    """Return tyres in rubber, and rims, spokes and frame in metal; wheels of 0.68 m."""
+    """Make tyres of rubber, and rims, spokes and frame of metal; the wheels have a diameter of 0.68 m."""
     radius, front, back = 0.34, 0.52, -0.52
     tyres = [moved(_ring(radius - 0.02, 0.02), (x, 0, radius)) for x in (front, back)]
     rims = [moved(_ring(radius - 0.05, 0.012), (x, 0, radius)) for x in (front, back)]
@@ -132,7 +141,7 @@ def _bicycle() -> dict[str, Mesh]:
 
 
 def _ring(radius_m: float, thickness_m: float, *, sides: int = 12) -> Mesh:
-    """Return a standing hoop about the origin in the x-z plane, its lowest point a vertex."""
+    """Make an upright hoop about the origin in the x-z plane, its lowest point a vertex."""
     across = circle(thickness_m, 4)
     section = np.concatenate([across, across[:1]])
     points = -circle(1.0, sides)

@@ -1,7 +1,7 @@
 """Street furniture as prototypes: lamps, signs, bollards, shelters, bins, barriers, containers, tanks.
 
-Sizes follow common European street furniture. A lamp's arm and a shelter's open side point to +x: turn
-them towards the road.
+Sizes follow common European street furniture. The arm of a lamp and the open side of a shelter point to +x,
+which is to be turned towards the road.
 """
 
 import numpy as np
@@ -26,7 +26,11 @@ _STAND_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z t
 
 
 def furniture_prototypes() -> tuple[Prototype, ...]:
-    """Return all street furniture."""
+    """Make all street furniture.
+
+    Returns:
+        The prototypes.
+    """
     bench, frame = _bench()
     return (
         prototype("lamp_arm", "lamp_post", {"metal": _arm_lamp()}),
@@ -50,7 +54,7 @@ def furniture_prototypes() -> tuple[Prototype, ...]:
 
 
 def _arm_lamp() -> Mesh:
-    """Return an 8 m tapered pole with a bent arm of 1.2 m and a flat lantern at its end."""
+    """Make an 8 m tapered pole with a bent arm of 1.2 m and a flat luminaire at its end."""
     pole = cylinder(0.1, 7.6, sides=10, top_radius_m=0.05)
     arm = [
         tube((0, 0, 7.55), (0.4, 0, 7.9), 0.04, sides=8),
@@ -62,7 +66,7 @@ def _arm_lamp() -> Mesh:
 
 
 def _lantern_lamp() -> dict[str, Mesh]:
-    """Return a 4.5 m post with a glass lantern on top and a metal hood."""
+    """Make a 4.5 m post with a glass lantern on top and a metal hood."""
     post = [cylinder(0.12, 0.9, sides=10, top_radius_m=0.08), cylinder(0.05, 3.9, sides=8, top_radius_m=0.04)]
     bars = [box((0.5, 0.03, 0.03), (0, 0, 3.3)), box((0.34, 0.34, 0.04), (0, 0, 3.9))]
     glass = moved(cylinder(0.15, 0.45, sides=6, top_radius_m=0.22), (0, 0, 3.92))
@@ -71,7 +75,7 @@ def _lantern_lamp() -> dict[str, Mesh]:
 
 
 def _signs() -> tuple[Prototype, ...]:
-    """Return round, triangular, rectangular and direction signs; their faces look to +x."""
+    """Make round, triangular, rectangular and direction signs, their faces towards +x."""
     triangle = circle(0.4, 3) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     rectangle = np.array([[-0.3, -0.42], [0.3, -0.42], [0.3, 0.42], [-0.3, 0.42]])
     wide = np.array([[-1.1, -0.7], [1.1, -0.7], [1.1, 0.7], [-1.1, 0.7]])
@@ -88,11 +92,12 @@ def _signs() -> tuple[Prototype, ...]:
 
 
 def _sign_post(y_m: float, top_m: float) -> Mesh:
+    """Make a sign post."""
     return moved(cylinder(0.038, top_m, sides=8), (-0.05, y_m, 0))
 
 
 def _plate(outline: NDArray[np.float64], height_m: float, thickness_m: float = 0.012) -> Mesh:
-    """Return a standing plate of the polygon `outline` (N, 2) (y, z) about `height_m`, with two rails."""
+    """Make an upright plate with the outline (N, 2) in y and z about `height_m`, and two rails behind it."""
     plate = moved(prism(outline, bottom_m=0.0, top_m=thickness_m), (0, 0, height_m), rotation=_STAND_UP)
     span = 0.6 * float(np.ptp(outline[:, 0]))
     rails = [box((0.03, span, 0.04), (-0.015, 0, height_m + z)) for z in (-0.12, 0.12)]
@@ -100,7 +105,7 @@ def _plate(outline: NDArray[np.float64], height_m: float, thickness_m: float = 0
 
 
 def _traffic_light() -> Mesh:
-    """Return a signal post: three hooded lamps before a backing board, and a push-button box."""
+    """Make a signal post: three hooded lamps in front of a backing board, and a push-button box."""
     post = cylinder(0.057, 3.3, sides=10)
     board = box((0.02, 0.5, 1.15), (0.09, 0, 2.75))
     head = bevelled_box((0.2, 0.3, 0.95), (0.18, 0, 2.75), bevel_m=0.05)
@@ -110,7 +115,7 @@ def _traffic_light() -> Mesh:
 
 
 def _bollard() -> Mesh:
-    """Return a metal bollard with a collar and a domed head."""
+    """Make a metal bollard with a collar and a domed head."""
     collar = moved(cylinder(0.085, 0.06, sides=10), (0, 0, 0.78))
     return merge(
         [
@@ -122,7 +127,7 @@ def _bollard() -> Mesh:
 
 
 def _bus_shelter() -> dict[str, Mesh]:
-    """Return a shelter of 4.2 m by 1.6 m, open to +x: panes on three sides, a bench, a curved roof."""
+    """Make a shelter of 4.2 m by 1.6 m, open to +x: panes on three sides, a bench, a curved roof."""
     length, depth, height = 4.2, 1.6, 2.4
     y, back, front = 0.5 * length, -0.5 * depth, 0.5 * depth
     posts = [box((0.08, 0.08, height), (back, place, 0.5 * height)) for place in np.linspace(-y, y, 4)]
@@ -146,7 +151,7 @@ def _bus_shelter() -> dict[str, Mesh]:
 
 
 def _round_bin() -> Mesh:
-    """Return a litter bin with a rim and a domed lid."""
+    """Make a litter bin with a rim and a domed lid."""
     rim = moved(cylinder(0.29, 0.05, sides=10), (0, 0, 0.85))
     lid = moved(cylinder(0.27, 0.18, sides=10, top_radius_m=0.1), (0, 0, 0.98))
     stays = [tube((x, 0, 0.85), (x, 0, 1.0), 0.015, sides=4) for x in (-0.24, 0.24)]
@@ -154,7 +159,7 @@ def _round_bin() -> Mesh:
 
 
 def _wheeled_bin() -> dict[str, Mesh]:
-    """Return a 240 l bin on wheels; its plastic is taken as wood, the nearest permittivity there is."""
+    """Make a 240 l bin on wheels; wood stands in for its plastic, as the nearest permittivity."""
     low = np.array([[-0.26, -0.23], [0.24, -0.23], [0.24, 0.23], [-0.26, 0.23]])
     levels = ((0.05, 1.0), (0.95, 1.22), (0.97, 1.32), (1.02, 1.32), (1.07, 1.1))
     body = loft(np.stack([np.c_[low * share, np.full(4, z)] for z, share in levels]))
@@ -164,7 +169,7 @@ def _wheeled_bin() -> dict[str, Mesh]:
 
 
 def _bench() -> tuple[Mesh, Mesh]:
-    """Return a bench's slats and its cast frame; it looks to +x."""
+    """Make the slats and the cast frame of a bench that faces +x."""
     slats = [box((0.09, 1.7, 0.035), (x, 0, 0.45)) for x in (-0.17, -0.05, 0.07, 0.19)]
     slats += [box((0.035, 1.7, 0.09), (-0.26 - 0.06 * i, 0, 0.58 + 0.14 * i)) for i in range(3)]
     legs = []
@@ -176,7 +181,7 @@ def _bench() -> tuple[Mesh, Mesh]:
 
 
 def _guard_rail(length_m: float) -> Mesh:
-    """Return a W-beam of `length_m` along x, its waves to -y, on posts 2 m apart."""
+    """Make a W-beam of `length_m` along x, its waves to -y, on posts 2 m apart."""
     wave = [(0.0, 0.44), (-0.02, 0.46), (-0.083, 0.5), (-0.083, 0.53), (0.0, 0.585), (0.0, 0.615),
             (-0.083, 0.67), (-0.083, 0.7), (-0.02, 0.74), (0.0, 0.76)]  # fmt: skip
     outline = np.array(wave + [(y + 0.004, z) for y, z in wave[::-1]])
@@ -188,14 +193,14 @@ def _guard_rail(length_m: float) -> Mesh:
 
 
 def _concrete_barrier(length_m: float) -> Mesh:
-    """Return a New-Jersey profile of 0.81 m height along x."""
+    """Make a New Jersey barrier, 0.81 m high, along x."""
     half = [(0.3, 0.0), (0.3, 0.08), (0.18, 0.33), (0.08, 0.81)]
     outline = np.array(half + [(-y, z) for y, z in half[::-1]])
     return moved(prism(outline, bottom_m=-0.5 * length_m, top_m=0.5 * length_m), rotation=_STAND_UP)
 
 
 def _container(length_m: float) -> Mesh:
-    """Return an ISO container along x: sides of trapezoid corrugation 36 mm deep, frame, doors with bars."""
+    """Make an ISO container along x: sides corrugated 36 mm deep, frame, doors with locking bars."""
     width, height, deep = 2.44, 2.59, 0.036
     pitch = (length_m - 0.3) / round((length_m - 0.3) / 0.42)
     start = np.arange(-0.5 * length_m + 0.15, 0.5 * length_m - 0.15 - 1e-6, pitch)
@@ -220,7 +225,7 @@ def _container(length_m: float) -> Mesh:
 
 
 def _storage_tank() -> Mesh:
-    """Return an upright tank of 6 m diameter and 6 m height with rings, a shallow roof and a ladder."""
+    """Make an upright tank of 6 m diameter and 6 m height with rings, a shallow roof and a ladder."""
     shell = cylinder(3.0, 6.0, sides=24)
     rings = [moved(cylinder(3.05, 0.08, sides=24), (0, 0, z)) for z in (1.9, 3.9, 5.9)]
     roof = moved(cylinder(3.0, 0.6, sides=24, top_radius_m=0.3), (0, 0, 6.0))

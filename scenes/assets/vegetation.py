@@ -1,6 +1,6 @@
-"""Trees, shrubs and hedges: wooden trunks and branches, and crowns of many small loose facets.
+"""Trees, shrubs and hedges: wooden trunks and branches, and crowns of many small separate facets.
 
-Rays pass between the leaf clusters, so that what stands behind a crown still echoes, weakened.
+Rays pass between the leaf clusters, so objects behind a crown still return weakened echoes.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,18 @@ _SEED = 20200531
 
 @dataclass(frozen=True, kw_only=True)
 class Tree:
-    """A kind of tree: crown radii and centre height [m], trunk radius, and its leaf clusters.
+    """Shape of a kind of tree.
 
-    `taper` is how much narrower the crown is at its top than at its foot: 0 an ellipsoid, 1 a cone.
+    Attributes:
+        name: Name of its prototype.
+        crown_radius_m: Horizontal radius of the crown [m].
+        crown_half_height_m: Half the height of the crown [m].
+        crown_centre_m: Height of the centre of the crown [m].
+        trunk_radius_m: Radius of the trunk [m].
+        branches: Number of branches.
+        clusters: Number of leaf clusters.
+        cluster_m: Smallest and largest leaf cluster [m].
+        taper: Narrowing of the crown from bottom to top: 0 gives an ellipsoid, 1 a cone.
     """
 
     name: str
@@ -50,17 +59,22 @@ TREES: tuple[Tree, ...] = (
 
 
 def tree_prototypes() -> tuple[Prototype, ...]:
-    """Return one prototype for each of `TREES`, always the same."""
+    """Make one prototype of each of `TREES`, from a fixed seed.
+
+    Returns:
+        The prototypes.
+    """
     return tuple(_tree(tree, np.random.default_rng([_SEED, row])) for row, tree in enumerate(TREES))
 
 
 def _tree(tree: Tree, rng: np.random.Generator) -> Prototype:
+    """Make a tree with its base on the ground."""
     parts = {"wood": _trunk(tree, rng), "foliage": _crown(tree, rng)}
     return prototype(tree.name, "tree", parts)
 
 
 def _trunk(tree: Tree, rng: np.random.Generator) -> Mesh:
-    """Return a tapered trunk of two lengths, slightly bent, and branches into the crown."""
+    """Make a tapered, slightly bent trunk and branches that reach into the crown."""
     base = tree.crown_centre_m - tree.crown_half_height_m
     top = tree.crown_centre_m + 0.5 * tree.crown_half_height_m
     radius = tree.trunk_radius_m
@@ -84,7 +98,7 @@ def _trunk(tree: Tree, rng: np.random.Generator) -> Mesh:
 
 
 def _crown(tree: Tree, rng: np.random.Generator) -> Mesh:
-    """Return leaf clusters: squares of random size and tilt, denser towards the crown's skin."""
+    """Make leaf clusters: squares of random size and tilt, denser towards the surface of the crown."""
     count = tree.clusters
     direction = rng.normal(size=(count, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -106,7 +120,7 @@ def _crown(tree: Tree, rng: np.random.Generator) -> Mesh:
 def _facets(
     centre: NDArray[np.float64], size_m: NDArray[np.float64], rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Return (N, 4, 3) skewed squares about `centre` (N, 3), tilted at random, facing outwards."""
+    """Return skewed squares (N, 4, 3) about `centre` (N, 3), tilted at random, facing outwards."""
     outward = centre / (np.linalg.norm(centre, axis=1, keepdims=True) + 1e-9)
     normal = rng.normal(size=centre.shape) + 0.6 * outward
     normal *= np.where((normal * centre).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
@@ -122,7 +136,7 @@ def _facets(
 _HEDGE_SECTION = np.array(
     [[0.5, 0.0], [0.52, 0.45], [0.5, 0.85], [0.3, 1.0], [-0.3, 1.0], [-0.5, 0.85], [-0.52, 0.45], [-0.5, 0.0]]
 )
-"""Round a trimmed hedge from its left foot over the top to its right: shares of thickness and height."""
+"""Outline of a hedge from its left foot over the top to its right: shares of thickness and height."""
 
 
 def hedge(
@@ -133,9 +147,17 @@ def hedge(
     rng: np.random.Generator,
     step_m: float = 0.6,
 ) -> Mesh:
-    """Return a trimmed hedge along `polyline` (P, 2) [m] on z = 0, its faces broken into uneven facets.
+    """Make a trimmed hedge with uneven facets.
 
-    The points of its skin lie up to 0.08 m off a smooth surface, one cross-section every `step_m`.
+    Args:
+        polyline: Line along which it stands (P, 2) [m], on z = 0.
+        height_m: Height [m].
+        thickness_m: Thickness [m].
+        rng: Random generator.
+        step_m: Spacing of the cross-sections [m]; their points deviate up to 0.08 m from a smooth surface.
+
+    Returns:
+        The mesh.
     """
     middle, left = _walk(np.asarray(polyline, dtype=np.float64), step_m)
     side, high = thickness_m * _HEDGE_SECTION[:, 0], height_m * _HEDGE_SECTION[:, 1]
@@ -153,7 +175,7 @@ def hedge(
 
 
 def _walk(polyline: NDArray[np.float64], step_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points (K, 2) along a polyline, corners kept, and the unit vectors (K, 2) to their left."""
+    """Return points (K, 2) along a polyline, corners kept, and unit vectors (K, 2) to their left."""
     step = np.diff(polyline, axis=0)
     length = np.hypot(step[:, 0], step[:, 1])
     at = np.r_[0.0, np.cumsum(length)]

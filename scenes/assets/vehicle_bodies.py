@@ -1,7 +1,8 @@
 """Vehicle bodies as hulls: cross-sections along the length, rounded in plan and section, with wheel arches.
 
-A hull is drawn as a naval architect would: lines (floor, belt, roof, plan) given at a few places along the
-car and sampled at stations. Curved shoulders matter: they decide which facet mirrors towards the radar.
+Like a ship's hull, a body is given by lines (floor, belt, roof, plan) at a few places along the vehicle and
+sampled at stations. Curved shoulders matter, since they decide which facet reflects specularly towards the
+radar.
 """
 
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ from echoscape.scenes.core.scene import Mesh
 from echoscape.scenes.geometry.primitives import box, circle, loft, loft_quads, merge, mesh, mirrored, moved
 
 Line = tuple[tuple[float, float], ...]
-"""Knots (distance from the front [m], value) of a piecewise linear line along a vehicle."""
+"""Knots (distance from the front [m], value) of a piecewise linear profile along a vehicle."""
 
 _SIDE_SEGMENTS = (4, 8)  # belt to rail, left and right
 _TOP_SEGMENTS = (5, 6, 7)  # rail to crown, crown to crown, crown to rail
@@ -23,10 +24,21 @@ _MIN_STATION_M = 0.055
 
 @dataclass(frozen=True, kw_only=True)
 class Hull:
-    """The lines of a body; distances [m] count from the front bumper backwards, heights from the ground.
+    """Lines of a vehicle body; distances count from the front bumper backwards, heights from the ground.
 
-    `plan` is the share of the half width, `roof_share` the share of the half width at the roof's edge;
-    `windows` are the intervals along the sides, `screens` those on the top that are glass.
+    Attributes:
+        length_m: Length [m].
+        width_m: Width [m].
+        floor: Height of the floor along the length [m].
+        belt: Height of the belt line along the length [m].
+        roof: Height of the roof along the length [m].
+        plan: Half width along the length, as a share of the greatest half width.
+        roof_share: Half width at the edge of the roof, as a share of the half width below.
+        axles: Distances of the axles from the front [m].
+        wheel_radius_m: Radius of the wheels [m].
+        wheel_width_m: Width of the wheels [m].
+        windows: Intervals along the sides that are glass [m].
+        screens: Intervals along the top that are glass [m].
     """
 
     length_m: float
@@ -44,7 +56,14 @@ class Hull:
 
 
 def hull_parts(hull: Hull) -> dict[str, Mesh]:
-    """Return the body in metal and glass; x forward, front bumper at x = length / 2."""
+    """Make the body of a vehicle.
+
+    Args:
+        hull: Its lines.
+
+    Returns:
+        Meshes of metal and glass by name of the material; x forward, front bumper at x = length / 2.
+    """
     station = _stations(hull)
     rings = _rings(hull, station)
     count, size = rings.shape[:2]
@@ -60,7 +79,7 @@ def hull_parts(hull: Hull) -> dict[str, Mesh]:
 
 
 def _stations(hull: Hull) -> NDArray[np.float64]:
-    """Return (K,) distances from the front, from the tail to the nose, at every knot and arch."""
+    """Return distances (K,) from the front, from tail to nose, with one at every knot and wheel arch."""
     lines = (hull.floor, hull.belt, hull.roof, hull.plan)
     knots = [x for line in lines for x, _ in line]
     knots += [x for pair in hull.windows + hull.screens for x in pair]
@@ -75,7 +94,7 @@ def _stations(hull: Hull) -> NDArray[np.float64]:
 
 
 def _rings(hull: Hull, station: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (K, 14, 3) cross-sections, counter-clockwise about +x."""
+    """Return cross-sections (K, 14, 3), counter-clockwise about +x."""
     floor, belt, roof, plan = (
         np.interp(station, *np.array(line).T) for line in (hull.floor, hull.belt, hull.roof, hull.plan)
     )
@@ -108,6 +127,7 @@ def _rings(hull: Hull, station: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _arch_height(hull: Hull, station: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the height of the wheel arches (K,) [m], 0 between them."""
     radius = 1.15 * hull.wheel_radius_m
     away = station[:, None] - np.array(hull.axles)
     inside = np.abs(away) < 0.99 * radius
@@ -116,6 +136,7 @@ def _arch_height(hull: Hull, station: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def _is_glass(hull: Hull, station: NDArray[np.float64], size: int) -> NDArray[np.bool_]:
+    """Return which quads between the cross-sections are glass ((K - 1) * size,)."""
     middle = 0.5 * (station[1:] + station[:-1])
     glass = np.zeros((len(middle), size), dtype=bool)
     for intervals, segments in ((hull.windows, _SIDE_SEGMENTS), (hull.screens, _TOP_SEGMENTS)):
@@ -126,11 +147,12 @@ def _is_glass(hull: Hull, station: NDArray[np.float64], size: int) -> NDArray[np
 
 
 def _split(corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Split quads (Q, 4) into triangles (2 Q, 3)."""
     return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
 
 
 def _bowed_cap(ring: NDArray[np.float64], bow_m: float) -> Mesh:
-    """Return a fan about the ring's middle, which is pushed out along x: no bumper is one flat mirror."""
+    """Make a triangle fan over a ring, bowed along x by `bow_m`, so that no bumper is one flat reflector."""
     size = len(ring)
     middle = 0.5 * (ring.min(axis=0) + ring.max(axis=0)) + [bow_m, 0.0, 0.0]
     rim = np.arange(size)
@@ -139,7 +161,17 @@ def _bowed_cap(ring: NDArray[np.float64], bow_m: float) -> Mesh:
 
 
 def wheels(axles_x_m: Sequence[float], *, track_m: float, radius_m: float, width_m: float) -> dict[str, Mesh]:
-    """Return wheels in rubber (tyres) and metal (dished rims), `track_m` apart from outside to outside."""
+    """Make pairs of wheels.
+
+    Args:
+        axles_x_m: x of each axle [m].
+        track_m: Distance between the outer faces of a pair [m].
+        radius_m: Radius [m].
+        width_m: Width [m].
+
+    Returns:
+        Meshes of rubber (tyres) and metal (dished rims) by name of the material.
+    """
     tyre, rim = _wheel(radius_m, width_m)
     parts: dict[str, Mesh] = {}
     for material, left in (("rubber", tyre), ("metal", rim)):
@@ -156,7 +188,7 @@ def wheels(axles_x_m: Sequence[float], *, track_m: float, radius_m: float, width
 
 
 def _wheel(radius_m: float, width_m: float, sides: int = 10) -> tuple[Mesh, Mesh]:
-    """Return a left wheel's tyre and rim, its outer face at y = 0 and its axle at z = 0."""
+    """Make the tyre and rim of a left wheel, its outer face at y = 0 and its axle at z = 0."""
     ring = -circle(1.0, sides)  # begins straight below the axle: it touches the road
     shoulders = ((0.55, -width_m), (1.0, -width_m), (1.0, -0.03), (0.68, 0.0))
     profile = np.stack([_in_wheel_plane(ring, share * radius_m, y) for share, y in shoulders])
@@ -168,12 +200,21 @@ def _wheel(radius_m: float, width_m: float, sides: int = 10) -> tuple[Mesh, Mesh
 
 
 def _in_wheel_plane(ring: NDArray[np.float64], radius_m: float, y_m: float) -> NDArray[np.float64]:
-    """Return (N, 3): `ring` (N, 2) as z and x at `y_m`."""
+    """Return `ring` (N, 2) as z and x at `y_m` (N, 3)."""
     return np.stack([radius_m * ring[:, 1], np.full(len(ring), y_m), radius_m * ring[:, 0]], axis=1)
 
 
 def bevelled_box(size_m: Sequence[float], centre_m: Sequence[float], *, bevel_m: float = 0.06) -> Mesh:
-    """Return a box whose long edges (along x) and ends are bevelled, as sheet-metal bodies are."""
+    """Make a box with bevelled ends and bevelled edges along x, like a sheet-metal body.
+
+    Args:
+        size_m: Size in x, y, z [m].
+        centre_m: Centre x, y, z [m].
+        bevel_m: Width of the bevels [m].
+
+    Returns:
+        The mesh.
+    """
     length, width, height = size_m
     y, z = 0.5 * width, 0.5 * height
     outline = np.array(
@@ -196,7 +237,17 @@ def bevelled_box(size_m: Sequence[float], centre_m: Sequence[float], *, bevel_m:
 
 
 def mirrors(x_m: float, half_width_m: float, z_m: float, *, height_m: float = 0.14) -> Mesh:
-    """Return two wing mirrors: a stalk and a housing that tapers forwards."""
+    """Make two wing mirrors, each a stalk and a housing that tapers forwards.
+
+    Args:
+        x_m: Distance ahead of the vehicle's centre [m].
+        half_width_m: Half width of the body at the mirrors [m].
+        z_m: Height [m].
+        height_m: Height of the housing [m].
+
+    Returns:
+        The mesh.
+    """
     stalk = box((0.05, 0.1, 0.04), (x_m, half_width_m - 0.02, z_m - 0.04))
     middle = np.array([half_width_m + 0.11, z_m + 0.02])
     back = np.array([[-0.09, -0.5], [0.09, -0.5], [0.09, 0.5], [-0.09, 0.5]]) * [1.0, height_m]

@@ -1,6 +1,6 @@
-"""Vehicles and people as prototypes: what parks at the kerb and what drives in the lanes are the same shapes.
+"""Vehicles as prototypes; the same shapes are parked at the kerb and driven in the lanes.
 
-Sizes are those of common European models of each kind; hulls follow `scenes.assets.vehicle_bodies`.
+Sizes are those of common European models of each kind; bodies are made by `scenes.assets.vehicle_bodies`.
 """
 
 from collections.abc import Iterable
@@ -17,7 +17,11 @@ Parts = dict[str, Mesh]
 
 
 def vehicle_prototypes() -> tuple[Prototype, ...]:
-    """Return all cars, vans, trucks, buses, cyclists and pedestrians."""
+    """Make all cars, vans, trucks, buses, cyclists and pedestrians.
+
+    Returns:
+        The prototypes.
+    """
     return (
         *car_prototypes(),
         *van_prototypes(),
@@ -30,7 +34,14 @@ def vehicle_prototypes() -> tuple[Prototype, ...]:
 
 
 def joined(groups: Iterable[Parts]) -> Parts:
-    """Return the meshes of all `groups`, merged material by material."""
+    """Merge meshes by material.
+
+    Args:
+        groups: Meshes by name of the material, any number of times.
+
+    Returns:
+        One mesh per material.
+    """
     together: dict[str, list[Mesh]] = {}
     for group in groups:
         for material, part in group.items():
@@ -39,7 +50,11 @@ def joined(groups: Iterable[Parts]) -> Parts:
 
 
 def car_prototypes() -> tuple[Prototype, ...]:
-    """Return a hatchback, a saloon, an estate and an SUV."""
+    """Make a hatchback, a saloon, an estate and an SUV.
+
+    Returns:
+        The prototypes.
+    """
     return (
         _car("car_hatchback", 4.05, 1.75, 1.46, cowl=1.05, front=1.85, rear=3.55, deck=3.93, tail=0.92),
         _car("car_saloon", 4.65, 1.82, 1.45, cowl=1.3, front=2.1, rear=3.2, deck=4.0, tail=1.02),
@@ -61,7 +76,7 @@ def _car(
     tail: float,
     wheel: float = 0.315,
 ) -> Prototype:
-    """Return a car; `cowl`, `front`, `rear`, `deck` are where screens and roof begin and end."""
+    """Make a car; `cowl`, `front`, `rear`, `deck` are where the screens and the roof begin and end [m]."""
     low = 0.5 * wheel
     waist = 0.62 * height
     axles = (0.2 * length, 0.2 * length + 0.585 * length)
@@ -97,7 +112,7 @@ def _car(
 
 
 def _plates(x_m: float, z_m: float) -> Mesh:
-    """Return number plates (0.52 m by 0.11 m) before the bumpers at x = +-`x_m`."""
+    """Make number plates (0.52 m by 0.11 m) in front of the bumpers at x = +-`x_m`."""
     y, z = 0.26, 0.055
     front = [(x_m, -y, z_m - z), (x_m, y, z_m - z), (x_m, y, z_m + z), (x_m, -y, z_m + z)]
     back = [(-x_m, -py, pz) for _, py, pz in front]
@@ -105,7 +120,11 @@ def _plates(x_m: float, z_m: float) -> Mesh:
 
 
 def van_prototypes() -> tuple[Prototype, ...]:
-    """Return a small delivery van and a large panel van."""
+    """Make a small delivery van and a large panel van.
+
+    Returns:
+        The prototypes.
+    """
     return (
         _van("van_small", 4.5, 1.85, 1.85, cowl=1.0, front=1.75, wheel=0.32),
         _van("van_panel", 5.9, 2.02, 2.6, cowl=0.85, front=1.75, wheel=0.35),
@@ -115,6 +134,7 @@ def van_prototypes() -> tuple[Prototype, ...]:
 def _van(
     name: str, length: float, width: float, height: float, *, cowl: float, front: float, wheel: float
 ) -> Prototype:
+    """Make a van; `cowl` and `front` are where the windscreen begins and ends [m]."""
     low, waist = 0.55 * wheel, 1.08
     axles = (0.85, length - 1.1)
     hull = Hull(
@@ -155,7 +175,7 @@ def _van(
 
 
 def _cab(*, width_m: float, height_m: float, depth_m: float, front_x_m: float) -> Parts:
-    """Return a forward-control cab whose front stands at `front_x_m`."""
+    """Make a cab-over-engine cab whose front is at `front_x_m`."""
     top = height_m
     hull = Hull(
         length_m=depth_m,
@@ -183,7 +203,7 @@ def _cab(*, width_m: float, height_m: float, depth_m: float, front_x_m: float) -
 
 
 def _chassis(front_x_m: float, rear_x_m: float, *, width_m: float, top_m: float = 1.0) -> Mesh:
-    """Return two rails with cross members, side guards, a fuel tank and a rear under-run bar."""
+    """Make two frame rails with cross members, side guards, a fuel tank and a rear underrun bar."""
     middle, length = 0.5 * (front_x_m + rear_x_m), front_x_m - rear_x_m
     rails = [box((length, 0.1, 0.25), (middle, side * 0.42, top_m - 0.14)) for side in (-1, 1)]
     cross = [
@@ -200,7 +220,7 @@ def _chassis(front_x_m: float, rear_x_m: float, *, width_m: float, top_m: float 
 
 
 def _box_truck() -> Parts:
-    """Return a rigid truck with a box body, 8.2 m long."""
+    """Make a rigid truck with a box body, 8.2 m long."""
     half, width = 4.1, 2.5
     body = bevelled_box((6.0, width, 2.45), (half - 5.15, 0, 2.27), bevel_m=0.07)
     rear = -4.05
@@ -226,7 +246,7 @@ def _box_truck() -> Parts:
 
 
 def _flatbed_truck() -> Parts:
-    """Return a tractor with an articulated flatbed trailer, its headboard, stakes and a load of pipes."""
+    """Make a tractor with a flatbed semi-trailer, headboard, stakes and a load of pipes."""
     half, width = 7.2, 2.5
     deck_front, deck_rear = half - 2.6, -half
     middle, length = 0.5 * (deck_front + deck_rear), deck_front - deck_rear
@@ -255,7 +275,7 @@ def _flatbed_truck() -> Parts:
 
 
 def _bus() -> Parts:
-    """Return a 11.8 m city bus with its windows, doors and roof units."""
+    """Make an 11.8 m city bus with windows, doors and roof units."""
     length, width, height, waist = 11.8, 2.55, 3.05, 1.15
     half = 0.5 * length
     edges = np.linspace(0.95, length - 0.5, 8)

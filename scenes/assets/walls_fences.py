@@ -1,6 +1,6 @@
-"""Garden walls and fences along a line: piers and copings, posts and boards, rails and bars.
+"""Garden walls and fences along a line: pillars and copings, posts and boards, rails and bars.
 
-Lines run on z = 0. What is repeated is laid out at once, so a long fence costs a few array operations.
+They stand on z = 0. Repeated parts are computed as arrays, so that long fences are cheap to make.
 """
 
 from typing import Literal
@@ -13,12 +13,24 @@ from echoscape.scenes.geometry.primitives import quads
 
 FenceKind = Literal["boards", "railing", "chain_link"]
 
-_PIER_M = 3.2
+_PILLAR_M = 3.2
 _POST_M = 2.4
 
 
 def wall(polyline: NDArray[np.float64], *, height_m: float, thickness_m: float) -> Mesh:
-    """Return a wall along `polyline` (P, 2) [m] with a coping that overhangs and piers about 3.2 m apart."""
+    """Make a wall with an overhanging coping and pillars about 3.2 m apart.
+
+    Args:
+        polyline: Line along which it stands (P, 2) [m].
+        height_m: Height [m].
+        thickness_m: Thickness [m].
+
+    Returns:
+        The mesh.
+
+    Raises:
+        ValueError: `polyline` has fewer than two points or the wrong shape.
+    """
     origin, forward, length = _segments(polyline)
     half = 0.5 * thickness_m
     zero = np.zeros_like(length)
@@ -27,18 +39,30 @@ def wall(polyline: NDArray[np.float64], *, height_m: float, thickness_m: float) 
         (zero - 0.03, zero - half - 0.04, zero + height_m - 0.08),
         (length + 0.03, zero + half + 0.04, zero + height_m),
     )
-    row, place = _spread(length, _PIER_M)
+    row, place = _spread(length, _PILLAR_M)
     wide, level = half + 0.06, np.zeros_like(place)
-    piers = _boxes((place - wide, level - wide, level), (place + wide, level + wide, level + height_m + 0.07))
+    pillars = _boxes(
+        (place - wide, level - wide, level), (place + wide, level + wide, level + height_m + 0.07)
+    )
     parts = [_placed(part, origin, forward) for part in (body, coping)]
-    return quads(np.concatenate([*parts, _placed(piers, origin[row], forward[row])]))
+    return quads(np.concatenate([*parts, _placed(pillars, origin[row], forward[row])]))
 
 
 def fence(polyline: NDArray[np.float64], *, height_m: float, kind: FenceKind) -> dict[str, Mesh]:
-    """Return a fence along `polyline` (P, 2) [m].
+    """Make a fence.
 
-    "boards" is of wood: posts, rails, and boards in turn before and behind the rails. "railing" is of metal:
-    posts, two rails and a bar every 0.4 m. "chain_link" is of metal: posts and three wires as thin rails.
+    Args:
+        polyline: Line along which it stands (P, 2) [m].
+        height_m: Height [m].
+        kind: "boards": wooden posts and rails with boards alternately in front of and behind the rails;
+            "railing": metal posts, two rails and a bar every 0.4 m; "chain_link": metal posts and three wires
+            as thin rails.
+
+    Returns:
+        Its mesh by name of the material.
+
+    Raises:
+        ValueError: `polyline` has fewer than two points or the wrong shape.
     """
     origin, forward, length = _segments(polyline)
     row, place = _spread(length, _POST_M)
@@ -74,7 +98,7 @@ def _infill(
     height_m: float,
     kind: FenceKind,
 ) -> NDArray[np.float64]:
-    """Return the boards or bars, (Q, 4, 3)."""
+    """Return the boards or bars (Q, 4, 3)."""
     pitch = 0.3 if kind == "boards" else 0.4
     row, place = _spread(length, pitch, inner=True)
     level = np.zeros_like(place)
@@ -90,7 +114,7 @@ def _infill(
 def _segments(
     polyline: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return origins (S, 2), unit directions (S, 2) and lengths (S,) of a line's segments."""
+    """Return origins (S, 2), unit directions (S, 2) and lengths (S,) of the segments of a line."""
     points = np.asarray(polyline, dtype=np.float64)
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 2:
         raise ValueError(f"polyline must be (P >= 2, 2), got {points.shape}")
@@ -103,7 +127,7 @@ def _segments(
 def _spread(
     length: NDArray[np.float64], pitch_m: float, *, inner: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return segment rows (N,) and places on them (N,), about `pitch_m` apart; `inner` keeps off the ends."""
+    """Return segment indices (N,) and distances along them (N,) [m]; `inner` leaves out the ends."""
     count = np.maximum(1, np.round(length / pitch_m).astype(int))
     rows, places = [], []
     for row, (span, parts) in enumerate(zip(length.tolist(), count.tolist(), strict=True)):
@@ -117,7 +141,7 @@ def _boxes(
     low: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
     high: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64]:
-    """Return (N, 5, 4, 3) quads of boxes between `low` and `high` (along, left, up), open below."""
+    """Return quads (N, 5, 4, 3) of boxes between `low` and `high` (along, left, up), open at the bottom."""
     ends = np.stack([np.stack(low, axis=1), np.stack(high, axis=1)], axis=1)  # (N, 2, 3)
     return ends[:, _PICK, np.arange(3)]
 
@@ -131,13 +155,13 @@ _PICK = np.array(
         [[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]],
     ]
 )
-"""Which end (low 0, high 1) each corner takes on each axis: above, right, left, back and front faces."""
+"""End of the box (0 low, 1 high) of each corner on each axis: top, right, left, back and front faces."""
 
 
 def _placed(
     local: NDArray[np.float64], origin: NDArray[np.float64], forward: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return (N * 5, 4, 3) world corners of `local` (N, 5, 4, 3), each box on its own segment (N, 2)."""
+    """Return world corners (N * 5, 4, 3) of `local` (N, 5, 4, 3), each box on its segment."""
     left = forward[:, ::-1] * [-1.0, 1.0]
     flat = (
         origin[:, None, None]

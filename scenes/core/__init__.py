@@ -1,1 +1,1 @@
-"""Plain data of a scene: meshes, materials, lanes, trajectories, targets. Imports nothing else of the project."""
+"""Plain data of a scene: meshes, materials, targets, lanes, trajectories. Imports no package but itself."""

@@ -1,6 +1,7 @@
-"""What numbers of settings may be: refusals that name the field, what is allowed and what came.
+"""Range checks for the fields of settings.
 
-The limits stand beside the fields; whatever is not finite lies beyond them all.
+The error messages name the field, the range allowed and the value given. Non-finite values are always
+refused.
 """
 
 import math
@@ -8,10 +9,14 @@ from itertools import pairwise
 
 
 def check_between(settings: object, **limits: tuple[float, float]) -> None:
-    """Refuse settings of which a field, a number or several, is beyond its (least, most).
+    """Check that fields of settings lie within their limits.
+
+    Args:
+        settings: The settings; a field may hold one number or a tuple of numbers.
+        **limits: (minimum, maximum) of each field, both inclusive, by field name.
 
     Raises:
-        ValueError: the first field that is; the message names it.
+        ValueError: A value is outside its limits.
     """
     for name, (least, most) in limits.items():
         found = getattr(settings, name)
@@ -20,22 +25,27 @@ def check_between(settings: object, **limits: tuple[float, float]) -> None:
                 raise ValueError(f"{name} must be between {least:g} and {most:g}, got {value:g}")
 
 
-def check_rising(settings: object, *names: str, above_zero: bool = True) -> None:
-    """Refuse settings of which a field with several numbers, from low to high, falls or has a 0.
+def check_ascending(settings: object, *names: str, above_zero: bool = True) -> None:
+    """Check that fields with several numbers are finite, positive and in ascending order.
+
+    Args:
+        settings: The settings.
+        *names: Names of the fields, each a tuple of numbers.
+        above_zero: Whether the first number must be above 0; otherwise 0 is allowed.
 
     Raises:
-        ValueError: the first field that does; the message names it.
+        ValueError: A field is not finite, is negative (or 0 where it must be above 0), or decreases.
     """
     for name in names:
         found: tuple[float, ...] = getattr(settings, name)
         finite = all(math.isfinite(value) for value in found)
         if not finite or (found[0] <= 0 if above_zero else found[0] < 0):
             raise ValueError(
-                f"{name} must be finite and {'above 0' if above_zero else '0 or more'}, got {_said(found)}"
+                f"{name} must be finite and {'above 0' if above_zero else '0 or more'}, got {_joined(found)}"
             )
         if any(high < low for low, high in pairwise(found)):
-            raise ValueError(f"{name} must not fall from low to high, got {_said(found)}")
+            raise ValueError(f"{name} must not decrease from low to high, got {_joined(found)}")
 
 
-def _said(values: tuple[float, ...]) -> str:
+def _joined(values: tuple[float, ...]) -> str:
     return " ".join(f"{value:g}" for value in values)

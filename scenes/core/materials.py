@@ -1,7 +1,7 @@
-"""Materials of the world: electrical rows of ITU-R P.2040 and the surface roughness that radar sees.
+"""Materials: electrical properties from ITU-R P.2040 and the surface roughness that the radar sees.
 
-Permittivity eps' = a f^b and conductivity c f^d [S/m] with f in GHz: ITU-R P.2040-3 (08/2023), Table 3;
-asphalt concrete from P.2040-4 (09/2025). Roughness values are ours, calibrated, each with its ground.
+Relative permittivity eps' = a f^b and conductivity c f^d [S/m] with f in GHz: ITU-R P.2040-3 (08/2023), Table
+3; asphalt concrete from P.2040-4 (09/2025). Roughness values are calibrated; each entry states its basis.
 """
 
 import math
@@ -11,15 +11,28 @@ from typing import Literal
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """A surface: how it reflects (ITU row) and how rough it is.
+    """Electrical properties and roughness of a surface.
 
-    `rms_height_m` is the small-scale roughness (Rayleigh factor); `scattering` is S of the
-    effective-roughness model (Degli-Esposti 2007), the amplitude share that scatters diffusely;
-    `rms_slope_rad` is the waviness on scales above the wavelength, which widens a mirror reflection to a
-    glint of finite width. `lobe` is where the diffuse part goes (Degli-Esposti 2007): evenly bright
-    (`lambert`), about the mirror's direction (`directive`) or back (`backscatter`), the narrower the higher
-    the integer `lobe_order`. `texture_shape` is nu of the gamma law that the mean reflectivity of cells
-    `texture_m` wide follows (the K-distribution's; inf: all cells alike).
+    Attributes:
+        name: Name of the material.
+        a: Factor of the relative permittivity a f^b, f in GHz.
+        b: Exponent of the relative permittivity.
+        c: Factor of the conductivity c f^d [S/m], f in GHz.
+        d: Exponent of the conductivity.
+        band_ghz: Lowest and highest frequency for which the source gives the values [GHz].
+        source: Source of the electrical values.
+        rms_height_m: Height deviation of the small-scale roughness, rms [m], for the Rayleigh factor.
+        scattering: S of the effective-roughness model (Degli-Esposti 2007): amplitude share scattered
+            diffusely.
+        rms_slope_rad: Slope of the waviness on scales above the wavelength, rms [rad]; it widens a specular
+            reflection to a glint of finite width.
+        roughness_source: Basis of the roughness values.
+        lobe: Direction of the diffuse lobe (Degli-Esposti 2007): Lambertian (`lambert`), about the specular
+            direction (`directive`), or back towards the source (`backscatter`).
+        lobe_order: Order of the lobe; the higher, the narrower.
+        texture_shape: Shape nu of the gamma distribution of the mean reflectivity of surface patches (that of
+            the K-distribution); inf for a uniform surface.
+        texture_m: Side of those patches [m].
     """
 
     name: str
@@ -39,7 +52,11 @@ class Material:
     texture_m: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse lobes and textures that do not exist, naming the material and the field."""
+        """Check the lobe and the texture.
+
+        Raises:
+            ValueError: A value is not allowed; the message names the material and the field.
+        """
         if self.lobe not in ("lambert", "directive", "backscatter"):
             raise ValueError(
                 f"{self.name}: lobe must be lambert, directive or backscatter, got {self.lobe!r}"
@@ -87,8 +104,7 @@ MATERIALS: dict[str, Material] = {
             scattering=0.6,
             rms_slope_rad=0.024,
             roughness_source=(
-                "mortar joints 2-10 mm deep, faces 0.5-1 mm; "
-                "row used beyond its band (extrapolated to 76.5 GHz)"
+                "mortar joints 2-10 mm deep, faces 0.5-1 mm; used beyond its band (extrapolated to 76.5 GHz)"
             ),
         ),
         Material(
@@ -155,7 +171,7 @@ MATERIALS: dict[str, Material] = {
             scattering=0.25,
             rms_slope_rad=0.01,
             roughness_source=(
-                "dense asphalt texture depth 0.5-1 mm; row used beyond its band (extrapolated to 76.5 GHz); "
+                "dense asphalt texture depth 0.5-1 mm; used beyond its band (extrapolated to 76.5 GHz); "
                 f"texture of wear, patches and joints{_TEXTURE}"
             ),
             texture_shape=3.0,
@@ -171,7 +187,7 @@ MATERIALS: dict[str, Material] = {
             rms_height_m=0.0003,
             scattering=0.3,
             rms_slope_rad=0.012,
-            roughness_source="concrete slabs and kerbs, joints of some mm; the row of concrete; calibrated",
+            roughness_source="concrete slabs and kerbs, joints of some mm; values of concrete; calibrated",
             texture_shape=3.0,
         ),
         Material(
@@ -187,7 +203,7 @@ MATERIALS: dict[str, Material] = {
             rms_slope_rad=0.1,
             roughness_source=(
                 "very dry ground; grass and earth, rms 2-5 mm; "
-                "row used beyond its band (extrapolated to 76.5 GHz); "
+                "used beyond its band (extrapolated to 76.5 GHz); "
                 f"texture of tufts and bare patches{_TEXTURE}"
             ),
             texture_shape=4.0,
@@ -220,7 +236,7 @@ MATERIALS: dict[str, Material] = {
             rms_height_m=0.001,
             scattering=0.6,
             rms_slope_rad=0.1,
-            roughness_source="tyres: no ITU row, that of chipboard has the nearest permittivity; calibrated",
+            roughness_source="tyres: no ITU values; chipboard has the nearest permittivity; calibrated",
         ),
         Material(
             name="person",
@@ -234,8 +250,8 @@ MATERIALS: dict[str, Material] = {
             scattering=0.8,
             rms_slope_rad=0.2,
             roughness_source=(
-                "clothed skin: no ITU row, that of marble has the nearest permittivity; "
-                "row used beyond its band; calibrated"
+                "clothed skin: no ITU values; marble has the nearest permittivity; "
+                "used beyond its band; calibrated"
             ),
         ),
     )

@@ -1,21 +1,19 @@
-"""What a scene is made of: meshes by material, objects with ids and classes, things placed many times.
+"""A scene: meshes by material, objects with instance ids and classes, and prototypes placed many times.
 
-Everything here is plain arrays in metres and radians, world frame right-handed with z up; an object's own
-frame has x forward, y left, z up and its origin on the ground below its centre.
+Plain arrays in metres and radians. The world frame is right-handed with z up; the frame of an object has x
+forward, y left and z up, with its origin on the ground below the object's centre.
 """
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.lane_graph import RoadGraph
+from echoscape.scenes.core.targets import PlacedTarget
 from echoscape.scenes.core.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from echoscape.scenes.core.targets import PlacedTarget
 
 CLASSES: tuple[str, ...] = (
     "none",
@@ -44,12 +42,17 @@ CLASSES: tuple[str, ...] = (
     "tank",
     "target",
 )
-"""Class names in the order of their numeric ids; 0 is "nothing was hit"."""
+"""Class names in the order of their ids; class 0, "none", means that no object was hit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
-    """A triangle mesh: `vertices` (V, 3) float32 [m], `faces` (F, 3) uint32, counter-clockwise outside."""
+    """A triangle mesh.
+
+    Attributes:
+        vertices: Positions (V, 3) float32 [m].
+        faces: Vertex indices (F, 3) uint32, counter-clockwise seen from outside.
+    """
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
@@ -57,16 +60,25 @@ class Mesh:
 
 @dataclass(frozen=True, kw_only=True)
 class StaticMesh(Mesh):
-    """All that stands still and is of one material: `instance` (F,) uint32, the object of each face."""
+    """All stationary faces of one material.
+
+    Attributes:
+        instance: Instance id of the object of each face (F,) uint32.
+    """
 
     instance: NDArray[np.uint32]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prototype:
-    """A shape that is placed many times: `parts` maps a material's name to a mesh in the object's frame.
+    """A shape that is placed many times.
 
-    `extent_m` is (length, width, height) of its box, centred on the origin in x and y, standing on z = 0.
+    Attributes:
+        name: Name of the prototype.
+        class_name: Class of its objects, see `CLASSES`.
+        parts: Mesh of each material in the frame of the object, by name of the material.
+        extent_m: Length, width and height of the bounding box [m], which is centred on the origin in x and y
+            and stands on z = 0.
     """
 
     name: str
@@ -77,10 +89,14 @@ class Prototype:
 
 @dataclass(frozen=True, kw_only=True)
 class Placements:
-    """Where prototypes stand: N rows of equal length.
+    """Poses of the N placed prototypes.
 
-    prototype (N,) uint32, instance (N,) uint32, position (N, 3) float64 [m], yaw (N,) float64 [rad] counter-
-    clockwise from world x, scale (N,) float64.
+    Attributes:
+        prototype: Index into the prototypes of the scene (N,) uint32.
+        instance: Instance id (N,) uint32.
+        position: World position of the origin (N, 3) float64 [m].
+        yaw: Heading counter-clockwise from world x (N,) float64 [rad].
+        scale: Scale factor (N,) float64.
     """
 
     prototype: NDArray[np.uint32]
@@ -92,11 +108,18 @@ class Placements:
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A whole static world with its road graph.
+    """A static world with its road graph.
 
-    `static` maps material name to mesh; `prototypes` and `placements` add what is instanced; `instance_class`
-    (I,) uint8 gives the class id of every static instance id (row 0 is "none"). `bounds_m` is (x0, y0, x1,
-    y1); `targets` are the test targets among the static things.
+    Attributes:
+        preset: Name of the preset.
+        seed: Seed from which the scene was generated.
+        static: Stationary meshes by name of the material.
+        prototypes: Shapes that are placed.
+        placements: Where they are placed.
+        instance_class: Class id of each instance id (I,) uint8; entry 0 is "none".
+        roads: Lanes, footpaths and kerbs.
+        bounds_m: Extent x0, y0, x1, y1 of the scene in the world [m].
+        targets: Test targets of the scene.
     """
 
     preset: str
@@ -107,12 +130,18 @@ class Scene:
     instance_class: NDArray[np.uint8]
     roads: RoadGraph
     bounds_m: tuple[float, float, float, float]
-    targets: "tuple[PlacedTarget, ...]" = ()
+    targets: tuple[PlacedTarget, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mover:
-    """A rigid thing that moves: a prototype on a trajectory (its own frame: x forward, y left, z up)."""
+    """A moving object: a rigid prototype that follows a trajectory.
+
+    Attributes:
+        instance: Instance id.
+        prototype: Shape and class of the object.
+        track: Pose of the object's frame over time.
+    """
 
     instance: int
     prototype: Prototype
@@ -120,40 +149,55 @@ class Mover:
 
 
 class HasPose(Protocol):
-    """Anything with a pose at any time: a drive, a mover's track."""
+    """Anything that has a pose at any time: the ego drive or the track of a mover."""
 
     def pose(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (..., 4) x, y, z [m] and yaw [rad] at `time_s` (...)."""
+        """Interpolate the pose.
+
+        Args:
+            time_s: Times (...) [s].
+
+        Returns:
+            x, y, z [m] and yaw [rad] (..., 4).
+        """
         ...
 
 
-def without(
-    town: Scene, movers: Sequence[Mover], instances: Collection[int]
+def remove_instances(
+    scene: Scene, movers: Sequence[Mover], instances: Collection[int]
 ) -> tuple[Scene, tuple[Mover, ...]]:
-    """Return the town and the movers without `instances`, shadows and all.
+    """Remove objects, and with them their shadows and reflections, from a scene and its movers.
+
+    Args:
+        scene: The scene.
+        movers: Its movers.
+        instances: Instance ids of the objects to remove.
+
+    Returns:
+        The remaining scene and the remaining movers.
 
     Raises:
-        ValueError: an instance is neither in the town nor among the movers.
+        ValueError: An instance is neither in the scene nor among the movers.
     """
-    known = set(range(1, len(town.instance_class))) | {mover.instance for mover in movers}
-    strange = sorted(set(instances) - known)
-    if strange:
-        raise ValueError(f"instances must be of the town or its movers, got {strange[0]}")
-    gone = np.array(sorted(instances), np.uint32)
-    left = replace(
-        town,
-        static={material: _less(mesh, gone) for material, mesh in town.static.items()},
-        placements=_fewer(town.placements, gone),
-        targets=tuple(each for each in town.targets if each.instance not in instances),
+    known = set(range(1, len(scene.instance_class))) | {mover.instance for mover in movers}
+    unknown = sorted(set(instances) - known)
+    if unknown:
+        raise ValueError(f"instances must be of the scene or its movers, got {unknown[0]}")
+    removed = np.array(sorted(instances), np.uint32)
+    rest = replace(
+        scene,
+        static={material: _remaining_faces(mesh, removed) for material, mesh in scene.static.items()},
+        placements=_remaining_placements(scene.placements, removed),
+        targets=tuple(each for each in scene.targets if each.instance not in instances),
     )
-    return left, tuple(mover for mover in movers if mover.instance not in instances)
+    return rest, tuple(mover for mover in movers if mover.instance not in instances)
 
 
-def _less(mesh: StaticMesh, gone: np.ndarray) -> StaticMesh:
-    keep = ~np.isin(mesh.instance, gone)
+def _remaining_faces(mesh: StaticMesh, removed: NDArray[np.uint32]) -> StaticMesh:
+    keep = ~np.isin(mesh.instance, removed)
     return mesh if keep.all() else replace(mesh, faces=mesh.faces[keep], instance=mesh.instance[keep])
 
 
-def _fewer(places: Placements, gone: np.ndarray) -> Placements:
-    keep = ~np.isin(places.instance, gone)
-    return Placements(**{name: values[keep] for name, values in vars(places).items()})
+def _remaining_placements(placements: Placements, removed: NDArray[np.uint32]) -> Placements:
+    keep = ~np.isin(placements.instance, removed)
+    return Placements(**{name: values[keep] for name, values in vars(placements).items()})

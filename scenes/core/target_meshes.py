@@ -1,7 +1,7 @@
-"""Test targets as meshes: a scene with targets placed in it, as rays see them.
+"""Adds test targets to a scene as meshes that rays can hit.
 
-Echoes of coherent targets come from their exact shape (`sim.raytracing.target_echoes`); the meshes here hide what is
-behind them and mirror.
+Echoes of coherent targets are computed from their exact shape (`sim.raytracing.target_echoes`); their meshes
+shadow what is behind them and reflect other echoes.
 """
 
 from collections.abc import Sequence
@@ -13,13 +13,21 @@ from echoscape.scenes.core.scene import CLASSES, Mesh, Scene, StaticMesh
 from echoscape.scenes.core.targets import KINDS, PlacedTarget, Target
 
 _FACETS = 96
-"""Sides of the prism or the sphere that a ray meets; echoes come from the exact shape."""
+"""Sides of the cylinder or sphere that rays hit; echoes are computed from the exact shape."""
 
 
-def with_targets(town: Scene, targets: Sequence[Target]) -> Scene:
-    """Return the town with targets in it, each an instance of its own after those that are there."""
-    meshes: dict[str, list[StaticMesh]] = {material: [mesh] for material, mesh in town.static.items()}
-    classes, placed = list(town.instance_class), list(town.targets)
+def with_targets(scene: Scene, targets: Sequence[Target]) -> Scene:
+    """Add test targets to a scene.
+
+    Args:
+        scene: The scene.
+        targets: Targets in world coordinates.
+
+    Returns:
+        The scene with its targets; their instance ids follow those of the scene.
+    """
+    meshes: dict[str, list[StaticMesh]] = {material: [mesh] for material, mesh in scene.static.items()}
+    classes, placed = list(scene.instance_class), list(scene.targets)
     for target in targets:
         instance = len(classes)
         classes.append(CLASSES.index(KINDS[target.kind].class_name))
@@ -27,10 +35,10 @@ def with_targets(town: Scene, targets: Sequence[Target]) -> Scene:
         mesh = _mesh(target)
         if mesh is not None:
             ids = np.full(len(mesh.faces), instance, np.uint32)
-            own = StaticMesh(vertices=mesh.vertices, faces=mesh.faces, instance=ids)
-            meshes.setdefault(target.material, []).append(own)
+            target_mesh = StaticMesh(vertices=mesh.vertices, faces=mesh.faces, instance=ids)
+            meshes.setdefault(target.material, []).append(target_mesh)
     return replace(
-        town,
+        scene,
         static={material: _joined(meshes[material]) for material in sorted(meshes)},
         instance_class=np.array(classes, np.uint8),
         targets=tuple(placed),
@@ -38,7 +46,7 @@ def with_targets(town: Scene, targets: Sequence[Target]) -> Scene:
 
 
 def _joined(meshes: list[StaticMesh]) -> StaticMesh:
-    """Return several meshes of one material as one."""
+    """Concatenate meshes of one material."""
     if len(meshes) == 1:
         return meshes[0]
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
@@ -51,7 +59,7 @@ def _joined(meshes: list[StaticMesh]) -> StaticMesh:
 
 
 def _mesh(target: Target) -> Mesh | None:
-    """Return what rays meet of a target, in the world; None for a point."""
+    """Return the mesh of a target in the world; None for a point target."""
     if target.kind == "point":
         return None
     if KINDS[target.kind].flat:
@@ -62,7 +70,7 @@ def _mesh(target: Target) -> Mesh | None:
 
 
 def _flat_mesh(target: Target) -> Mesh:
-    """Return the triangles of flat patches, counter-clockwise seen from the boresight."""
+    """Return the triangles of a target's flat patches, counter-clockwise seen from the boresight."""
     corner, first, second = target.patches.transpose(1, 0, 2)
     triangles = [np.stack([corner, corner + first, corner + second], axis=1)]
     if target.kind != "trihedral":
@@ -73,7 +81,7 @@ def _flat_mesh(target: Target) -> Mesh:
 
 
 def _solid(kind: str, size_m: tuple[float, ...]) -> Mesh:
-    """Return a sphere, cylinder, wall or vehicle in the target's frame."""
+    """Return a sphere, cylinder, wall or vehicle in the frame of the target."""
     import trimesh
 
     if kind == "sphere":

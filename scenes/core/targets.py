@@ -1,9 +1,9 @@
-"""Test targets that a user places exactly: corners, plates, spheres, cylinders, walls, a box vehicle.
+"""Test targets with exact positions: corner reflectors, plates, spheres, cylinders, walls and box vehicles.
 
-A target's own frame has x along its boresight (what faces the radar), y left and z up. Most targets are
-*coherent*: smooth and small against the beam, so that their echo is a phase sum over their surface (`sim`
-makes it); walls and vehicles are ordinary surfaces. Either way they stand in the town: they hide what is
-behind them and mirror.
+The frame of a target has x along its boresight (towards the radar), y left and z up. Most targets are
+*coherent*: smooth and small compared with the beam, so that their echo is a phase sum over their surface
+(computed in `sim`); walls and vehicles are ordinary surfaces. Every target shadows what is behind it and
+reflects other echoes.
 """
 
 import math
@@ -21,7 +21,7 @@ _RCS_M2 = (1e-6, 1e8)
 
 @dataclass(frozen=True)
 class _Kind:
-    """What a kind of target needs: names of its sizes, its class, and whether its echo is a phase sum."""
+    """A kind of target: names of its sizes, its class, whether it is coherent and made of flat patches."""
 
     sizes: tuple[str, ...]
     class_name: str
@@ -39,19 +39,24 @@ KINDS: dict[str, _Kind] = {
     "wall": _Kind(("length", "height", "thickness"), "wall", False),
     "vehicle": _Kind(("length", "width", "height"), "car", False),
 }
-"""Kinds of targets and the sizes that each has, in metres."""
+"""Kinds of targets and the names of their sizes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
     """One test target.
 
-    kind: a key of `KINDS`; position_m: x, y, z in the world [m] of the reference point: the apex of a
-    trihedral, the middle of a dihedral's inner edge (vertical, `height` long, between plates `width` wide),
-    the middle of a plate, sphere or cylinder (upright), the foot of a wall's front face or of a vehicle's
-    middle; heading_rad: of the boresight, counter-clockwise from world x; elevation_rad: of the boresight
-    above the horizon (flat and corner targets); size_m: see `KINDS`; material: a name of
-    `scenes.core.materials`; rcs_m2: cross-section of a point target [m^2].
+    Attributes:
+        kind: A key of `KINDS`.
+        position_m: World position x, y, z of the reference point [m]: the apex of a trihedral, the middle of
+            a dihedral's inner edge (vertical, `height` long, between plates `width` wide), the centre of a
+            plate, sphere or upright cylinder, the foot of a wall's front face, or the ground below the centre
+            of a vehicle.
+        heading_rad: Heading of the boresight, counter-clockwise from world x [rad].
+        elevation_rad: Elevation of the boresight above the horizon [rad]; flat and corner targets only.
+        size_m: Sizes in the order of `KINDS` [m].
+        material: Name of a material of `scenes.core.materials`.
+        rcs_m2: Radar cross-section of a point target [m^2].
     """
 
     kind: str
@@ -63,7 +68,11 @@ class Target:
     rcs_m2: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse what makes no target, naming the field."""
+        """Check all fields.
+
+        Raises:
+            ValueError: A field is not allowed; the message names it.
+        """
         if self.kind not in KINDS:
             raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
         if self.material not in MATERIAL_NAMES:
@@ -92,7 +101,7 @@ class Target:
 
     @property
     def coherent(self) -> bool:
-        """Whether its echo is a phase sum over its surface."""
+        """Whether the echo is a phase sum over the surface."""
         return KINDS[self.kind].coherent
 
     @property
@@ -102,7 +111,7 @@ class Target:
 
     @property
     def axes(self) -> NDArray[np.float64]:
-        """The target's frame in the world (3, 3): rows are boresight, left and up."""
+        """Axes of the target's frame in the world (3, 3): rows are boresight, left and up."""
         cos_h, sin_h = math.cos(self.heading_rad), math.sin(self.heading_rad)
         cos_e, sin_e = math.cos(self.elevation_rad), math.sin(self.elevation_rad)
         return np.array(
@@ -115,10 +124,10 @@ class Target:
 
     @property
     def patches(self) -> NDArray[np.float64]:
-        """The flat patches of a plate or a corner in the world (P, 3, 3) [m]; other kinds have none.
+        """Flat patches of a plate or corner reflector in the world (P, 3, 3) [m]; none for other kinds.
 
-        Rows are a corner and the two edges that start there. A patch is the parallelogram between the edges,
-        of a trihedral the triangle.
+        The rows of a patch are a corner and the two edge vectors that start there. A patch is the
+        parallelogram between the edges; for a trihedral it is the triangle.
         """
         patches = _flat_patches(self.kind, self.size_m) @ self.axes
         patches[:, 0] += np.array(self.position_m)
@@ -127,14 +136,19 @@ class Target:
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedTarget:
-    """A target with the instance id that it has in its town."""
+    """A target in a scene.
+
+    Attributes:
+        target: The target.
+        instance: Its instance id in the scene.
+    """
 
     target: Target
     instance: int
 
 
 def _flat_patches(kind: str, size_m: tuple[float, ...]) -> NDArray[np.float64]:
-    """Return patches (P, 3, 3) in the target's frame: corner and two edges, facing the boresight [m]."""
+    """Return patches (P, 3, 3) [m] in the target's frame: a corner and two edges, facing the boresight."""
     if kind == "plate":
         y, z = size_m
         return np.array([[[0, -y / 2, -z / 2], [0, y, 0], [0, 0, z]]], np.float64)

@@ -1,7 +1,7 @@
-"""Motion along a path: a pose and a velocity at any time, smooth between knots.
+"""Motion as a trajectory: a pose and a velocity at any time, smooth between knots.
 
-Cubic Hermite interpolation of position and yaw, so that velocity is continuous and is the exact derivative
-of position: radar phase follows position to a fraction of a wavelength.
+Cubic Hermite interpolation of position and yaw makes the velocity continuous and exactly the derivative of
+the position; the phase of an echo depends on position to a fraction of a wavelength.
 """
 
 from dataclasses import dataclass
@@ -14,10 +14,12 @@ from scipy.interpolate import CubicHermiteSpline
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
-    """Knots of a motion; outside its time span it stands still at its first or last pose.
+    """Knots of a motion. Before the first and after the last knot the object stands still.
 
-    time_s (K,) increasing; state (K, 4): x, y, z [m] and unwrapped yaw [rad, counter-clockwise from world x];
-    rate (K, 4): the time derivative of `state`.
+    Attributes:
+        time_s: Increasing times (K,) float64 [s].
+        state: x, y, z [m] and unwrapped yaw [rad], counter-clockwise from world x, (K, 4) float64.
+        rate: Time derivative of `state` (K, 4) float64.
     """
 
     time_s: NDArray[np.float64]
@@ -25,7 +27,11 @@ class Trajectory:
     rate: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        """Refuse knots that do not make a motion."""
+        """Check shapes, times and values.
+
+        Raises:
+            ValueError: The knots do not define a motion; the message names the field.
+        """
         knots = len(self.time_s)
         if self.state.shape != (knots, 4) or self.rate.shape != (knots, 4):
             raise ValueError(
@@ -41,11 +47,26 @@ class Trajectory:
         return CubicHermiteSpline(self.time_s, self.state, self.rate)
 
     def pose(self, time_s: ArrayLike) -> NDArray[np.float64]:
-        """Return (..., 4) float64 x, y, z [m], yaw [rad] at `time_s` (...) [s]."""
+        """Interpolate the pose.
+
+        Args:
+            time_s: Times (...) [s].
+
+        Returns:
+            x, y, z [m] and yaw [rad] (..., 4) float64.
+        """
         return self._spline(np.clip(time_s, self.time_s[0], self.time_s[-1]))
 
     def velocity(self, time_s: ArrayLike) -> NDArray[np.float64]:
-        """Return (..., 4) float64 vx, vy, vz [m/s], yaw rate [rad/s] in the world at `time_s` (...) [s]."""
+        """Interpolate the velocity.
+
+        Args:
+            time_s: Times (...) [s].
+
+        Returns:
+            vx, vy, vz [m/s] and yaw rate [rad/s] in the world frame (..., 4) float64; 0 outside the time
+            span.
+        """
         time_s = np.asarray(time_s)
         inside = (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
         rate = self._spline(np.clip(time_s, self.time_s[0], self.time_s[-1]), nu=1)

@@ -1,7 +1,7 @@
-"""The radar car's own drive: a route, a smooth path along it, a speed, and so a pose at any time.
+"""The drive of the ego vehicle, which carries the radar: route, smooth path, speed, and pose at any time.
 
-The car turns as a single-track model does: its rear axle, `rear_axle_m` behind the middle, does not slip, so
-the middle moves slightly sideways in bends (Rajamani, Vehicle Dynamics and Control, 2012, section 2.2).
+The car follows a single-track model: its rear axle, `rear_axle_m` behind the middle, does not slip, so the
+middle moves slightly sideways in bends (Rajamani, Vehicle Dynamics and Control, 2012, section 2.2).
 """
 
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from echoscape.scenes.core.checks import check_between
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.core.scene import Scene
 from echoscape.scenes.core.trajectory import Trajectory
-from echoscape.scenes.driving.lane_path import Path, smooth_path
+from echoscape.scenes.driving.lane_path import LanePath, smooth_path
 from echoscape.scenes.driving.route import Route, RouteSettings, plan_route
 from echoscape.scenes.driving.speed_profile import (
     SpeedSettings,
@@ -33,34 +33,38 @@ EGO_EXTENT_M = (4.8, 2.0, 1.5)
 
 _STEP_M = 0.25
 _SPARE_M = 80.0
-_ROUTE, _WANDER, _MOOD, _STOPS, _VIGOUR = range(100, 105)
+_ROUTE, _WANDER, _CAPS, _STOPS, _ACCELERATION = range(100, 105)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveSettings:
-    """What a drive is made with."""
+    """Settings of a drive."""
 
     route: RouteSettings = field(default_factory=RouteSettings)
-    """Which streets are taken."""
+    """Choice of streets."""
     speed: SpeedSettings = field(default_factory=SpeedSettings)
-    """How fast they are driven."""
+    """Speed along them."""
     knot_s: float = 0.05
-    """Step of the trajectory's clock [s]."""
+    """Time step of the trajectory [s]."""
     corner_m: float = 1.0
-    """Sigma of the Gaussian along the path that smooths corners [m]."""
+    """Standard deviation of the Gaussian along the path that smooths corners [m]."""
     wander_m: float = 0.08
-    """Sideways wander within the lane, rms [m]."""
+    """Lateral deviation within the lane, rms [m]."""
     wander_length_m: float = 12.0
-    """Distance over which the wander changes, the sigma of its Gaussian [m]."""
+    """Correlation length of the lateral deviation, standard deviation of its Gaussian [m]."""
     rear_axle_m: float = 0.9
     """Distance of the rear axle, which does not slip, behind the car's middle [m]."""
     stop_line_m: float = 4.4
-    """Distance of a stopped car's middle from its lane's end [m]."""
+    """Distance from the middle of a stopped car to the end of its lane [m]."""
     free_start_m: float = 25.0
     """Distance from the start within which the car does not stop [m]."""
 
     def __post_init__(self) -> None:
-        """Refuse ways that leave the road, and what memory gives out over, naming the field."""
+        """Check the ranges of the fields.
+
+        Raises:
+            ValueError: A field is out of range; the message names it.
+        """
         check_between(
             self, knot_s=(0.005, 0.5), corner_m=(0.05, 20), wander_m=(0, 2), wander_length_m=(0.1, 1000)
         )
@@ -68,9 +72,15 @@ class DriveSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class EgoDrive:
-    """A planned drive: where the car is at any time.
+    """A planned drive.
 
-    `travel_m` (K,) is the distance along the route's lanes at the trajectory's knots (see `Route.locate`).
+    Attributes:
+        trajectory: Pose of the car over time.
+        route: Lanes driven.
+        travel_m: Distance along the route's lanes at the knots of the trajectory (K,) [m], see
+            `Route.locate`.
+        duration_s: Duration [s].
+        length_m: Length of the path driven [m].
     """
 
     trajectory: Trajectory
@@ -80,35 +90,67 @@ class EgoDrive:
     length_m: float
 
     def pose(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (..., 4) x, y, z [m] and yaw [rad] of the car's middle at `time_s` (...) [s]."""
+        """Interpolate the pose of the car's centre on the ground.
+
+        Args:
+            time_s: Times (...) [s].
+
+        Returns:
+            x, y, z [m] and yaw [rad] (..., 4).
+        """
         return self.trajectory.pose(time_s)
 
     def velocity(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (..., 4) vx, vy, vz [m/s] and yaw rate [rad/s] in the world frame at `time_s` (...) [s]."""
+        """Interpolate the velocity in the world frame.
+
+        Args:
+            time_s: Times (...) [s].
+
+        Returns:
+            vx, vy, vz [m/s] and yaw rate [rad/s] (..., 4).
+        """
         return self.trajectory.velocity(time_s)
 
     def travel(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the distance along the route's lanes (...) [m] at `time_s` (...) [s]."""
+        """Interpolate the distance along the lanes of the route.
+
+        Args:
+            time_s: Times (...) [s].
+
+        Returns:
+            Distance from the beginning of the first lane (...) [m].
+        """
         return np.interp(time_s, self.trajectory.time_s, self.travel_m)
 
 
 def plan_ego_drive(
-    town: Scene | RoadGraph,
+    scene: Scene | RoadGraph,
     *,
     seed: int,
     duration_s: float | None = None,
     length_m: float | None = None,
     settings: DriveSettings | None = None,
 ) -> EgoDrive:
-    """Plan a drive of `duration_s` [s] or of `length_m` [m] through the lanes of `town`.
+    """Plan a drive of given duration or length through the lanes of a scene.
 
-    Raises ValueError unless exactly one of the two is given and within its range.
+    Args:
+        scene: The scene or its road graph.
+        seed: Seed of everything that is drawn.
+        duration_s: Duration [s], within `DURATION_RANGE_S`.
+        length_m: Length [m], within `LENGTH_RANGE_M`.
+        settings: Settings of the drive; None for the default.
+
+    Returns:
+        The drive.
+
+    Raises:
+        ValueError: Not exactly one of `duration_s` and `length_m` is given, or it is out of range.
     """
     _check_span(duration_s, length_m)
     settings = settings or DriveSettings()
-    roads = town.roads if isinstance(town, Scene) else town
+    roads = scene.roads if isinstance(scene, Scene) else scene
     furthest = length_m or (duration_s or 0.0) * max(lane.speed_limit_mps for lane in roads.lanes)
-    rng = {stage: _stage_rng(seed, stage) for stage in (_ROUTE, _WANDER, _MOOD, _STOPS, _VIGOUR)}
+    rng = {stage: _stage_rng(seed, stage) for stage in (_ROUTE, _WANDER, _CAPS, _STOPS, _ACCELERATION)}
     spare = _SPARE_M + 0.05 * furthest
     route = plan_route(roads, length_m=furthest + spare, rng=rng[_ROUTE], settings=settings.route)
     path = smooth_path(
@@ -124,14 +166,15 @@ def plan_ego_drive(
         route.locate(path.travel_m)[0]
     ]
     speed = settings.speed
-    caps = speed_caps(path.curvature, limit, step_m=_STEP_M, settings=speed, rng=rng[_MOOD])
+    caps = speed_caps(path.curvature, limit, step_m=_STEP_M, settings=speed, rng=rng[_CAPS])
     stops = _stops(roads, route, path, settings=settings, rng=rng[_STOPS])
-    profile = speed_profile(caps, stops, step_m=_STEP_M, settings=speed, rng=rng[_VIGOUR])
+    profile = speed_profile(caps, stops, step_m=_STEP_M, settings=speed, rng=rng[_ACCELERATION])
     clock = timing(profile, stops, step_m=_STEP_M, settings=speed, clock_s=settings.knot_s)
     return _driven(route, path, clock, duration_s=duration_s, length_m=length_m, settings=settings)
 
 
 def _check_span(duration_s: float | None, length_m: float | None) -> None:
+    """Check that exactly one of duration and length is given and within its range."""
     if (duration_s is None) == (length_m is None):
         raise ValueError(
             f"exactly one of duration_s and length_m must be given, got {duration_s} and {length_m}"
@@ -149,9 +192,9 @@ def _stage_rng(seed: int, stage: int) -> np.random.Generator:
 
 
 def _stops(
-    roads: RoadGraph, route: Route, path: Path, *, settings: DriveSettings, rng: np.random.Generator
+    roads: RoadGraph, route: Route, path: LanePath, *, settings: DriveSettings, rng: np.random.Generator
 ) -> Stops:
-    """Draw the stops at the ends of street lanes: signals, and traffic that has the right of way."""
+    """Draw stops at the ends of street lanes, as for traffic signals and traffic with the right of way."""
     speed = settings.speed
     lanes = [roads.lanes[lane] for lane in route.lanes]
     chance = np.array([speed.yield_chance if lane.yields else speed.stop_chance for lane in lanes])
@@ -166,14 +209,14 @@ def _stops(
 
 def _driven(
     route: Route,
-    path: Path,
+    path: LanePath,
     clock: Timing,
     *,
     duration_s: float | None,
     length_m: float | None,
     settings: DriveSettings,
 ) -> EgoDrive:
-    """Cut the clock to the span asked for and put the car on the path at every knot."""
+    """Cut the timing to the duration or length asked for and put the car on the path at every knot."""
     course = CubicHermiteSpline(clock.time_s, clock.arc_m, clock.speed_mps)
     if duration_s is None:
         duration_s = _when(course, length_m or 0.0)
@@ -198,20 +241,21 @@ def _driven(
 
 
 def _when(course: CubicHermiteSpline, arc_m: float) -> float:
-    """Return the first time [s] at which `course`, which never falls, reaches `arc_m`."""
+    """Return the first time [s] at which the non-decreasing `course` reaches `arc_m`."""
     late = int(np.argmax(course(course.x) >= arc_m))
     bracket = (course.x[max(late - 1, 0)], course.x[late])
     return float(root_scalar(lambda time: course(time) - arc_m, bracket=bracket, xtol=1e-12).root)
 
 
 def _on_path(
-    path: Path,
+    path: LanePath,
     time: NDArray[np.float64],
     arc: NDArray[np.float64],
     speed: NDArray[np.float64],
     *,
     rear_axle_m: float,
 ) -> Trajectory:
+    """Return the trajectory through arc lengths `arc` (K,) [m] at speeds `speed` (K,) [m/s]."""
     yaw = trailing_yaw(path, rear_axle_m=rear_axle_m)
     yaw_slope = (path.heading - yaw) / rear_axle_m
     samples = path.step_m * np.arange(len(path.xy))
@@ -222,10 +266,18 @@ def _on_path(
     return Trajectory(time_s=time, state=spline(arc), rate=spline(arc, nu=1) * speed[:, None])
 
 
-def trailing_yaw(path: Path, *, rear_axle_m: float) -> NDArray[np.float64]:
-    """Return the car's yaw (S,) [rad] along `path`: d yaw / d arc = (heading - yaw) / rear axle's distance.
+def trailing_yaw(path: LanePath, *, rear_axle_m: float) -> NDArray[np.float64]:
+    """Return the yaw of the car along a path, from the single-track model.
 
-    The single-track model for small slip angles, solved exactly for a heading that is linear between samples.
+    d yaw / d arc = (heading - yaw) / rear_axle_m for small slip angles, solved exactly for a heading that is
+    linear between samples (Rajamani 2012, section 2.2).
+
+    Args:
+        path: Path of the car's middle, S samples.
+        rear_axle_m: Distance of the rear axle behind the middle [m].
+
+    Returns:
+        Yaw (S,) [rad].
     """
     ratio = path.step_m / rear_axle_m
     decay = np.exp(-ratio)

@@ -1,7 +1,7 @@
 """One smooth path along successive lanes: uniform arc length, continuous heading and curvature.
 
-Centre lines are joined, resampled and smoothed by a Gaussian over travel, which moves a bend of curvature k
-inwards by k sigma^2 / 2 and leaves straights as they are.
+Centre lines are joined, resampled and smoothed by a Gaussian over travelled distance, which moves a bend of
+curvature k inwards by k sigma^2 / 2 and leaves straight lines unchanged.
 """
 
 from collections.abc import Sequence
@@ -14,18 +14,22 @@ from scipy.ndimage import gaussian_filter1d
 
 from echoscape.scenes.core.lane_graph import Lane
 
-CORNER_M = 1.0
-"""Sigma that smooths the corners of a vehicle's way."""
+CORNER_SIGMA_M = 1.0
+"""Standard deviation of the Gaussian that smooths the corners of a vehicle's path [m]."""
 
 _TRUNCATE = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Path:
-    """S samples `step_m` apart in arc length.
+class LanePath:
+    """A smooth path as S samples at equal spacing.
 
-    xy (S, 2) [m]; heading (S,) unwrapped [rad]; curvature (S,) [1/m], left positive; travel_m (S,) the
-    distance along the lanes' own centre lines, from the beginning of the first.
+    Attributes:
+        step_m: Arc length between samples [m].
+        xy: Positions (S, 2) [m].
+        heading: Unwrapped heading (S,) [rad].
+        curvature: Curvature (S,) [1/m], positive to the left.
+        travel_m: Distance along the centre lines of the lanes, from the beginning of the first (S,) [m].
     """
 
     step_m: float
@@ -36,15 +40,23 @@ class Path:
 
     @property
     def length_m(self) -> float:
-        """Arc length from first to last sample."""
+        """Arc length from first to last sample [m]."""
         return self.step_m * (len(self.xy) - 1)
 
 
 def joined_line(lanes: Sequence[Lane], *, step_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return travel (S,) [m], uniform, and points (S, 2) [m] along the lanes' centre lines end to end."""
+    """Join the centre lines of successive lanes and resample them.
+
+    Args:
+        lanes: The lanes.
+        step_m: Largest spacing of the samples [m].
+
+    Returns:
+        Distance along the lanes, at equal spacing (S,) [m], and points (S, 2) [m].
+    """
     points = np.concatenate([lane.centre for lane in lanes])
     stretch = np.concatenate([[0.0], np.hypot(*np.diff(points, axis=0).T)])
-    # Where lanes meet, the end of one is the beginning of the next; a gap there is no travel.
+    # The end of a lane is the beginning of the next; a gap between them adds no distance.
     firsts = np.cumsum([0] + [len(lane.centre) for lane in lanes[:-1]])
     stretch[firsts] = 0.0
     travel = np.cumsum(stretch)
@@ -57,7 +69,15 @@ def joined_line(lanes: Sequence[Lane], *, step_m: float) -> tuple[NDArray[np.flo
 
 
 def smoothed_line(points: NDArray[np.float64], *, sigma: float) -> NDArray[np.float64]:
-    """Return `points` (S, 2) smoothed by a Gaussian of `sigma` samples; the ends stay where they are."""
+    """Smooth a line by a Gaussian; its ends stay where they are.
+
+    Args:
+        points: Line (S, 2) [m].
+        sigma: Standard deviation of the Gaussian [samples].
+
+    Returns:
+        The smoothed line (S, 2) [m].
+    """
     pad = min(int(np.ceil(_TRUNCATE * sigma)), len(points) - 1)
     before = 2 * points[0] - points[pad:0:-1]
     after = 2 * points[-1] - points[-2 : -pad - 2 : -1]
@@ -76,11 +96,20 @@ def smooth_path(
     wander_m: float,
     wander_length_m: float,
     rng: np.random.Generator,
-) -> Path:
-    """Return the path along `lanes` that starts `from_m` into the first.
+) -> LanePath:
+    """Return a smooth path along lanes with a slow lateral deviation.
 
-    `sigma_m` smooths corners; `wander_m` is the rms of the sideways wander, `wander_length_m` the sigma of
-    the Gaussian that makes it slow.
+    Args:
+        lanes: The lanes.
+        from_m: Distance into the first lane at which the path starts [m].
+        step_m: Spacing of the samples [m].
+        sigma_m: Standard deviation of the Gaussian that smooths corners [m].
+        wander_m: Lateral deviation within the lane, rms [m].
+        wander_length_m: Standard deviation of the Gaussian that correlates the lateral deviation [m].
+        rng: Random generator.
+
+    Returns:
+        The path.
     """
     travel, line = joined_line(lanes, step_m=step_m)
     step = travel[1]
@@ -92,7 +121,16 @@ def smooth_path(
 
 
 def slow_noise(count: int, *, sigma: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return (count,) Gaussian noise of unit variance, correlated by a Gaussian kernel of `sigma` samples."""
+    """Return Gaussian noise of unit variance, correlated by a Gaussian kernel.
+
+    Args:
+        count: Number of samples.
+        sigma: Standard deviation of the kernel [samples].
+        rng: Random generator.
+
+    Returns:
+        Noise (count,).
+    """
     pad = int(np.ceil(_TRUNCATE * sigma))
     white = rng.standard_normal(count + 2 * pad)
     smooth = gaussian_filter1d(white, sigma, truncate=_TRUNCATE)[pad : pad + count]
@@ -103,14 +141,15 @@ def slow_noise(count: int, *, sigma: float, rng: np.random.Generator) -> NDArray
 
 def _uniform(
     travel: NDArray[np.float64], points: NDArray[np.float64], *, from_m: float, step_m: float
-) -> Path:
+) -> LanePath:
+    """Resample a line at equal arc length, with heading and curvature from a cubic spline."""
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     start = np.interp(from_m, travel, arc)
     at = np.arange(start, arc[-1], step_m)
     xy = CubicSpline(arc, points)
     first, second = xy(at, nu=1), xy(at, nu=2)
     speed2 = np.sum(first**2, axis=-1)
-    return Path(
+    return LanePath(
         step_m=step_m,
         xy=xy(at),
         heading=np.unwrap(np.arctan2(first[:, 1], first[:, 0])),

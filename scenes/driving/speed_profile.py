@@ -1,7 +1,7 @@
-"""How fast a car goes along its path: limits, bends, moods, stops, and a smooth start and brake between them.
+"""Speed along a path: limits, bends, driver behaviour and stops, with smooth acceleration and braking.
 
-The profile is the fastest that stays below every cap within the acceleration at hand (forward and backward
-pass over v^2, exact for constant acceleration); a Gaussian over time then bounds the jerk.
+The profile is the fastest below every cap within the available acceleration (forward and backward pass over
+v^2, exact for constant acceleration); a Gaussian over time then bounds the jerk.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
-from echoscape.scenes.core.checks import check_between, check_rising
+from echoscape.scenes.core.checks import check_ascending, check_between
 from echoscape.scenes.driving.lane_path import slow_noise
 
 _CRAWL_MPS = 0.3
@@ -21,41 +21,45 @@ _TRUNCATE = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedSettings:
-    """Habits of the driver; tuned so that long town drives have the measured speeds of the real car."""
+    """Behaviour of the driver; the defaults give long town drives the speeds measured on the real car."""
 
     town_cruise_mps: tuple[float, float, float] = (2.6, 7.9, 11.0)
-    """Triangular law (low, mode, high) of the speed at town limits, drawn for each stretch [m/s]."""
+    """Triangular distribution (low, mode, high) of the speed in towns, drawn per stretch [m/s]."""
     stretch_m: float = 90.0
-    """Mean length of a stretch, along which the driver's mood stays the same [m]."""
+    """Mean length of a stretch, along which the driver behaves in the same manner [m]."""
     open_limit_mps: float = 17.0
-    """Speed limit above which a road counts as open country [m/s]."""
+    """Speed limit above which a road counts as outside towns [m/s]."""
     open_share: tuple[float, float] = (0.8, 1.0)
-    """Speed in open country over its limit (low, high), drawn for each stretch [1]."""
+    """Speed outside towns relative to the limit (low, high), drawn per stretch [1]."""
     bend_mps2: tuple[float, float] = (0.9, 2.0)
-    """Sideways acceleration in bends (low, high), drawn for each stretch [m/s^2]."""
+    """Lateral acceleration in bends (low, high), drawn per stretch [m/s^2]."""
     yaw_rate_rps: tuple[float, float] = (0.26, 0.58)
-    """Fastest turning in bends (low, high), drawn for each stretch [rad/s]."""
+    """Highest yaw rate in bends (low, high), drawn per stretch [rad/s]."""
     stop_chance: float = 0.42
-    """Chance of a stop at a street lane's end that has the right of way [0 to 1]."""
+    """Probability of a stop at the end of a street lane with right of way [0 to 1]."""
     yield_chance: float = 0.62
-    """Chance of a stop at a street lane's end that gives way [0 to 1]."""
+    """Probability of a stop at the end of a street lane that gives way [0 to 1]."""
     stop_s: float = 12.0
-    """Mean length of a stop before it is kept within its range [s]."""
+    """Mean duration of a stop, before it is clipped to its range [s]."""
     stop_range_s: tuple[float, float] = (2.0, 40.0)
     """Shortest and longest stop [s]."""
     speed_up_mps2: tuple[float, float] = (0.9, 2.7)
-    """Acceleration (low, high), drawn for each stretch [m/s^2]."""
+    """Acceleration (low, high), drawn per stretch [m/s^2]."""
     brake_mps2: tuple[float, float] = (0.9, 2.4)
-    """Deceleration (low, high), drawn for each stretch [m/s^2]."""
+    """Deceleration (low, high), drawn per stretch [m/s^2]."""
     smoothing_s: float = 0.35
-    """Sigma of the Gaussian over time that bounds the jerk [s]."""
+    """Standard deviation of the Gaussian over time that bounds the jerk [s]."""
     unrest: float = 0.03
-    """Slow ups and downs of the wanted speed, rms over that speed [1]."""
+    """Slow variation of the desired speed, rms relative to that speed [1]."""
     unrest_length_m: float = 8.0
-    """Distance over which they change, the sigma of their Gaussian [m]."""
+    """Correlation length of that variation, standard deviation of its Gaussian [m]."""
 
     def __post_init__(self) -> None:
-        """Refuse habits that nobody can have, naming the field."""
+        """Check the ranges of the fields.
+
+        Raises:
+            ValueError: A field is out of range or its values decrease; the message names it.
+        """
         check_between(
             self,
             stretch_m=(1, 10_000),
@@ -67,15 +71,20 @@ class SpeedSettings:
             unrest=(0, 0.3),
             unrest_length_m=(0.1, 1000),
         )
-        check_rising(
+        check_ascending(
             self, "town_cruise_mps", "open_share", "bend_mps2", "yaw_rate_rps", "speed_up_mps2", "brake_mps2"
         )
-        check_rising(self, "stop_range_s", above_zero=False)
+        check_ascending(self, "stop_range_s", above_zero=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stops:
-    """Where the car stands still: arc_m (N,) increasing [m] and dwell_s (N,) [s]."""
+    """Where the car stops.
+
+    Attributes:
+        arc_m: Increasing arc lengths of the stops (N,) [m].
+        dwell_s: Durations of the stops (N,) [s].
+    """
 
     arc_m: NDArray[np.float64]
     dwell_s: NDArray[np.float64]
@@ -83,7 +92,13 @@ class Stops:
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """Arc length and speed on a uniform clock: time_s, arc_m, speed_mps, each (K,)."""
+    """Progress along a path at equal time steps.
+
+    Attributes:
+        time_s: Times (K,) [s].
+        arc_m: Arc length (K,) [m].
+        speed_mps: Speed (K,) [m/s].
+    """
 
     time_s: NDArray[np.float64]
     arc_m: NDArray[np.float64]
@@ -93,7 +108,16 @@ class Timing:
 def stretches(
     length_m: float, *, mean_m: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Cut `length_m` into random stretches: their beginnings (N,) [m], and N numbers uniform in [0, 1)."""
+    """Cut a length into random stretches.
+
+    Args:
+        length_m: Length [m].
+        mean_m: Mean length of a stretch [m].
+        rng: Random generator.
+
+    Returns:
+        Beginnings of the N stretches (N,) [m], and for each a random number in [0, 1) (N,).
+    """
     count = int(2 * length_m / mean_m) + 16
     lengths = mean_m * (0.3 + 0.7 * rng.exponential(size=count))
     begins = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
@@ -108,18 +132,29 @@ def speed_caps(
     settings: SpeedSettings,
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Return the highest wanted speed (S,) [m/s] for `curvature` (S,) [1/m] and `limit_mps` (S,)."""
+    """Return the highest speed that the driver wants at each sample of a path.
+
+    Args:
+        curvature: Curvature of the path (S,) [1/m].
+        limit_mps: Speed limit (S,) [m/s].
+        step_m: Spacing of the samples [m].
+        settings: Behaviour of the driver.
+        rng: Random generator.
+
+    Returns:
+        Speeds (S,) [m/s].
+    """
     arc = step_m * np.arange(len(curvature))
-    begins, mood = stretches(arc[-1], mean_m=settings.stretch_m, rng=rng)
+    begins, draw = stretches(arc[-1], mean_m=settings.stretch_m, rng=rng)
     place = np.searchsorted(begins, arc, side="right") - 1
     low, mode, high = settings.town_cruise_mps
-    town = triangular_quantile(mood, low, mode, high)[place]
-    share = np.interp(mood, [0.0, 1.0], settings.open_share)[place]
+    town = triangular_quantile(draw, low, mode, high)[place]
+    share = np.interp(draw, [0.0, 1.0], settings.open_share)[place]
     cruise = np.where(limit_mps > settings.open_limit_mps, share * limit_mps, np.minimum(town, limit_mps))
     unrest = slow_noise(len(arc), sigma=settings.unrest_length_m / step_m, rng=rng)
     cruise = np.minimum(cruise * (1 + settings.unrest * unrest), limit_mps)
-    bend = np.interp(rng.random(len(mood)), [0.0, 1.0], settings.bend_mps2)[place]
-    yaw_rate = np.interp(rng.random(len(mood)), [0.0, 1.0], settings.yaw_rate_rps)[place]
+    bend = np.interp(rng.random(len(draw)), [0.0, 1.0], settings.bend_mps2)[place]
+    yaw_rate = np.interp(rng.random(len(draw)), [0.0, 1.0], settings.yaw_rate_rps)[place]
     sharpness = np.maximum(np.abs(curvature), 1e-6)
     caps = np.minimum.reduce([cruise, np.sqrt(bend / sharpness), yaw_rate / sharpness])
     return minimum_filter1d(caps, 2 * int(_BEND_MARGIN_M / step_m) + 1)
@@ -128,7 +163,17 @@ def speed_caps(
 def triangular_quantile(
     share: NDArray[np.float64], low: float, mode: float, high: float
 ) -> NDArray[np.float64]:
-    """Return the quantiles (...) of the triangular law at `share` (...) in [0, 1]."""
+    """Return quantiles of the triangular distribution.
+
+    Args:
+        share: Probabilities (...) in [0, 1].
+        low: Lower end of the distribution.
+        mode: Its mode.
+        high: Its upper end.
+
+    Returns:
+        Quantiles (...).
+    """
     knee = (mode - low) / (high - low) if high > low else 0.0
     rising = low + np.sqrt(share * (high - low) * (mode - low))
     falling = high - np.sqrt((1 - share) * (high - low) * (high - mode))
@@ -143,14 +188,25 @@ def speed_profile(
     settings: SpeedSettings,
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Return the fastest speed (S,) [m/s] below `caps_mps` (S,), 0 at the stops, within the accelerations."""
+    """Return the fastest speed below the caps that the accelerations allow; it is 0 at the stops.
+
+    Args:
+        caps_mps: Highest speed (S,) [m/s].
+        stops: Stops along the path.
+        step_m: Spacing of the samples [m].
+        settings: Behaviour of the driver.
+        rng: Random generator.
+
+    Returns:
+        Speeds (S,) [m/s].
+    """
     arc = step_m * np.arange(len(caps_mps))
     square = caps_mps**2
     square[np.rint(stops.arc_m / step_m).astype(np.intp)] = 0.0
-    begins, vigour = stretches(arc[-1], mean_m=settings.stretch_m, rng=rng)
-    vigour = vigour[np.searchsorted(begins, arc, side="right") - 1]
+    begins, draw = stretches(arc[-1], mean_m=settings.stretch_m, rng=rng)
+    draw = draw[np.searchsorted(begins, arc, side="right") - 1]
     for bounds, order in ((settings.speed_up_mps2, 1), (settings.brake_mps2, -1)):
-        rise = np.cumsum(2 * step_m * np.interp(vigour, [0.0, 1.0], bounds))
+        rise = np.cumsum(2 * step_m * np.interp(draw, [0.0, 1.0], bounds))
         rise = rise if order == 1 else -rise
         square = rise + np.minimum.accumulate((square - rise)[::order])[::order]
     return np.sqrt(np.maximum(square, 0.0))
@@ -159,7 +215,18 @@ def speed_profile(
 def timing(
     speed_mps: NDArray[np.float64], stops: Stops, *, step_m: float, settings: SpeedSettings, clock_s: float
 ) -> Timing:
-    """Turn a speed profile (S,) over arc length into arc length and speed over time, stops included."""
+    """Convert a speed profile over arc length to progress over time, stops included.
+
+    Args:
+        speed_mps: Speed profile (S,) [m/s].
+        stops: Stops along the path.
+        step_m: Spacing of its samples [m].
+        settings: Behaviour of the driver.
+        clock_s: Time step [s].
+
+    Returns:
+        The progress at equal time steps.
+    """
     arc = step_m * np.arange(len(speed_mps))
     pace = np.maximum(speed_mps[1:] + speed_mps[:-1], _CRAWL_MPS)
     clock = np.concatenate([[0.0], np.cumsum(2 * step_m / pace)])
@@ -181,8 +248,8 @@ def timing(
 def _smoothed(
     time: NDArray[np.float64], arc: NDArray[np.float64], speed: NDArray[np.float64], *, sigma: float
 ) -> Timing:
-    # Before its first sample the car came at its first speed; the tail, which has no such past, is cut by
-    # the caller.
+    """Smooth progress over time by a Gaussian of `sigma` samples."""
+    # Before its first sample the car is taken to drive at its first speed; the caller cuts off the tail.
     pad = int(np.ceil(_TRUNCATE * sigma))
     lead = arc[0] - speed[0] * time[1] * np.arange(pad, 0, -1)
     arc = gaussian_filter1d(np.concatenate([lead, arc]), sigma, mode="nearest", truncate=_TRUNCATE)[pad:]

@@ -1,7 +1,7 @@
-"""Plane curves as sampled lines: resampling, offsets, curvature, and the smooth curves that turn traffic.
+"""Plane curves as sampled lines: resampling, offsets, curvature, and the curves on which traffic turns.
 
-Turns are quintic Hermite curves that match position, direction and curvature at both ends; bulbs are U-turns
-whose curvature ramps linearly (clothoids, as in road design).
+Turning lanes are quintic Hermite curves that match position, direction and curvature at both ends.
+Turnarounds have linearly changing curvature (clothoids, as in road design).
 """
 
 from functools import lru_cache
@@ -17,59 +17,134 @@ Line = NDArray[np.float64]
 
 
 def arc_length(line: Line) -> NDArray[np.float64]:
-    """Return (P,) the distance [m] along `line` of each of its points."""
+    """Return the arc length at each point of a line.
+
+    Args:
+        line: Line (P, 2) [m].
+
+    Returns:
+        Distance along the line from its first point (P,) [m].
+    """
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
 
 
 def resampled(line: Line, step_m: float) -> Line:
-    """Return `line` with equally spaced points at most `step_m` apart, both ends kept."""
+    """Resample a line at equal spacing, keeping both ends.
+
+    Args:
+        line: Line (P, 2) [m].
+        step_m: Largest spacing of the new points [m].
+
+    Returns:
+        Resampled line (N, 2) [m].
+    """
     along = arc_length(line)
     return points_at(line, np.linspace(0.0, along[-1], max(int(np.ceil(along[-1] / step_m)), 3) + 1))
 
 
 def points_at(line: Line, distance_m: NDArray[np.float64]) -> Line:
-    """Return the (N, 2) points at `distance_m` (N,) along `line`."""
+    """Interpolate points on a line.
+
+    Args:
+        line: Line (P, 2) [m].
+        distance_m: Distances along the line (N,) [m].
+
+    Returns:
+        Points (N, 2) [m].
+    """
     along = arc_length(line)
     return np.stack([np.interp(distance_m, along, line[:, axis]) for axis in range(2)], axis=-1)
 
 
 def part(line: Line, start_m: float, end_m: float) -> Line:
-    """Return the piece of `line` from `start_m` to `end_m` along it."""
+    """Cut a section out of a line.
+
+    Args:
+        line: Line (P, 2) [m].
+        start_m: Distance along the line at which the section starts [m].
+        end_m: Distance along the line at which it ends [m].
+
+    Returns:
+        The section (N, 2) [m].
+    """
     along = arc_length(line)
     inside = along[(along > start_m + 1e-3) & (along < end_m - 1e-3)]
     return points_at(line, np.concatenate([[start_m], inside, [end_m]]))
 
 
 def tangents(line: Line) -> Line:
-    """Return (P, 2) unit tangents, of second order at the ends too."""
+    """Return unit tangents, of second order at the ends as well.
+
+    Args:
+        line: Line (P, 2) [m].
+
+    Returns:
+        Unit vectors (P, 2) in the direction of travel.
+    """
     slope = np.gradient(line, arc_length(line), axis=0, edge_order=2)
     return slope / np.linalg.norm(slope, axis=1, keepdims=True)
 
 
 def left_normals(line: Line) -> Line:
-    """Return (P, 2) unit normals that point to the left of travel."""
+    """Return unit normals that point to the left of travel.
+
+    Args:
+        line: Line (P, 2) [m].
+
+    Returns:
+        Unit vectors (P, 2).
+    """
     along = tangents(line)
     return np.stack([-along[:, 1], along[:, 0]], axis=-1)
 
 
 def offset(line: Line, distance_m: float) -> Line:
-    """Return the line at `distance_m` to the left of `line` (negative: to the right)."""
+    """Offset a line sideways.
+
+    Args:
+        line: Line (P, 2) [m].
+        distance_m: Distance to the left, negative to the right [m].
+
+    Returns:
+        The parallel line (P, 2) [m].
+    """
     return line + distance_m * left_normals(line)
 
 
 def headings(line: Line) -> NDArray[np.float64]:
-    """Return (P,) the unwrapped heading [rad] of each point's tangent."""
+    """Return the heading of the tangent at each point.
+
+    Args:
+        line: Line (P, 2) [m].
+
+    Returns:
+        Unwrapped headings (P,) [rad], counter-clockwise from x.
+    """
     along = tangents(line)
     return np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
 
 
 def curvature(line: Line) -> NDArray[np.float64]:
-    """Return (P,) the signed curvature [1/m], positive where the line bends to the left."""
+    """Return the signed curvature at each point.
+
+    Args:
+        line: Line (P, 2) [m].
+
+    Returns:
+        Curvature (P,) [1/m], positive where the line bends to the left.
+    """
     return np.gradient(headings(line), arc_length(line), edge_order=1)
 
 
 def smallest_radius(line: Line) -> float:
-    """Return the smallest radius of curvature [m] of a line, from the heading change per sample."""
+    """Return the smallest radius of curvature, from the change of heading per sample.
+
+    Args:
+        line: Line (P, 2) [m].
+
+    Returns:
+        Radius [m].
+    """
     steps = np.diff(line, axis=0)
     bend = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
     length = np.hypot(*steps.T)
@@ -77,10 +152,19 @@ def smallest_radius(line: Line) -> float:
 
 
 def turn(before: Line, after: Line, *, step_m: float = 0.1) -> Line:
-    """Return a smooth curve from the end of `before` to the start of `after`.
+    """Return a smooth curve that connects two lines.
 
-    The quintic Hermite curve whose two speeds, out of a grid, give the gentlest peak of curvature. Only the
-    last and the first dozen points matter; road graphs ask for most of their turns several times.
+    A quintic Hermite curve with matching position, direction and curvature. Its speeds at the two ends are
+    chosen from a grid so that the largest curvature is least. Results are cached, since a road graph needs
+    most curves several times.
+
+    Args:
+        before: Line that ends where the curve starts (P, 2) [m]; only its last 12 points matter.
+        after: Line that starts where the curve ends (P, 2) [m]; only its first 12 points matter.
+        step_m: Largest spacing of the points [m].
+
+    Returns:
+        The curve (N, 2) [m].
     """
     ends = (np.ascontiguousarray(line, np.float64) for line in (before[-_END_POINTS:], after[:_END_POINTS]))
     return _turn(*(line.tobytes() for line in ends), step_m).copy()
@@ -88,7 +172,7 @@ def turn(before: Line, after: Line, *, step_m: float = 0.1) -> Line:
 
 @lru_cache(maxsize=4096)
 def _turn(before_bytes: bytes, after_bytes: bytes, step_m: float) -> Line:
-    """Return the turn between two lines given as the bytes of their (P, 2) float64 points."""
+    """Return the curve between two lines that are given as the bytes of their (P, 2) float64 points."""
     before, after = (np.frombuffer(points).reshape(-1, 2) for points in (before_bytes, after_bytes))
     start, end = before[-1], after[0]
     direction = np.stack([tangents(before[-8:])[-1], tangents(after[:8])[0]])  # (2, 2)
@@ -134,9 +218,18 @@ def _peak_curvature(lines: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def bulb(offset_m: float, radius_m: float, *, side_radius_m: float = 9.0, step_m: float = 0.25) -> Line:
-    """Return a U-turn to the left from (0, -offset) heading along +x to (0, +offset) heading along -x.
+    """Return a turnaround: a U-turn to the left that first swings out to the right.
 
-    It swings out to the right first, so that its radius may exceed `offset_m`.
+    It leads from (0, -offset_m) with heading +x to (0, offset_m) with heading -x.
+
+    Args:
+        offset_m: Half the distance between the two lanes [m].
+        radius_m: Radius of the turn [m]; may exceed `offset_m`.
+        side_radius_m: Radius of the swing to the right [m].
+        step_m: Largest spacing of the points [m].
+
+    Returns:
+        The curve (N, 2) [m].
     """
     ramp = min(radius_m, side_radius_m) * 0.4
 
@@ -162,6 +255,15 @@ def bulb(offset_m: float, radius_m: float, *, side_radius_m: float = 9.0, step_m
 
 
 def placed(line: Line, origin: Line, heading_rad: float) -> Line:
-    """Return `line` turned by `heading_rad` and moved to `origin` (2,)."""
+    """Rotate a line and move it to a place.
+
+    Args:
+        line: Line (P, 2) [m] in its own frame.
+        origin: Place of that frame's origin (2,) [m].
+        heading_rad: Heading of that frame's x axis [rad].
+
+    Returns:
+        The line (P, 2) [m] in the world.
+    """
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     return origin + line @ np.array([[cos, sin], [-sin, cos]])

@@ -1,6 +1,6 @@
-"""Small solids as triangle meshes: boxes, prisms, lofts, tubes, ellipsoids, loose quads, and joining.
+"""Small solids as triangle meshes: boxes, prisms, lofts, tubes, ellipsoids, separate quads, and their union.
 
-Faces are counter-clockwise seen from outside. Shapes are built in float64 and rounded once to float32.
+Faces are counter-clockwise seen from outside. Shapes are computed in float64 and rounded once to float32.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from echoscape.scenes.core.scene import Mesh, Prototype
 
 MIN_AREA_M2 = 1e-8
-"""Faces smaller than this are dropped: they are collapsed on purpose where a shape tapers to an edge."""
+"""Smaller faces are dropped; they arise where a shape tapers to an edge."""
 
 _BOX_CORNERS = np.array(
     [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]
@@ -22,14 +22,30 @@ _BOX_QUADS = np.array(
 
 
 def mesh(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
-    """Return a `Mesh` of `vertices` (V, 3) [m] and `faces` (F, 3), without the faces that have no area."""
+    """Make a mesh without faces of zero area.
+
+    Args:
+        vertices: Positions (V, 3) [m].
+        faces: Vertex indices (F, 3).
+
+    Returns:
+        The mesh.
+    """
     points = np.asarray(vertices, dtype=np.float32).reshape(-1, 3)
     triangles = np.asarray(faces, dtype=np.uint32).reshape(-1, 3)
     return Mesh(vertices=points, faces=triangles[areas(points, triangles) > MIN_AREA_M2])
 
 
 def areas(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """Return the area [m^2] of every face, (F,)."""
+    """Return the area of each face.
+
+    Args:
+        vertices: Positions (V, 3) float32 [m].
+        faces: Vertex indices (F, 3) uint32.
+
+    Returns:
+        Areas (F,) [m^2].
+    """
     first, second, third = vertices[faces.T].astype(np.float64)
     ux, uy, uz = (second - first).T
     vx, vy, vz = (third - first).T
@@ -37,14 +53,28 @@ def areas(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> NDArray[n
 
 
 def quads(corners: ArrayLike) -> Mesh:
-    """Return loose quads `corners` (Q, 4, 3) [m], each counter-clockwise seen from its outer side."""
+    """Make a mesh of separate quads.
+
+    Args:
+        corners: Corners (Q, 4, 3) [m], each quad counter-clockwise seen from its outer side.
+
+    Returns:
+        The mesh, two triangles per quad.
+    """
     points = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 3)
     first = 4 * np.arange(len(points))
     return mesh(points, first[:, None] + [0, 1, 2, 0, 2, 3])
 
 
 def merge(meshes: Iterable[Mesh]) -> Mesh:
-    """Return all `meshes` as one."""
+    """Concatenate meshes.
+
+    Args:
+        meshes: The meshes; may be none.
+
+    Returns:
+        One mesh.
+    """
     parts = list(meshes)
     if not parts:
         return Mesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.uint32))
@@ -60,7 +90,17 @@ def moved(
     yaw_rad: float = 0.0,
     rotation: ArrayLike | None = None,
 ) -> Mesh:
-    """Return `part` turned by `rotation` (3, 3), then by `yaw_rad` about z, then shifted by `offset_m`."""
+    """Rotate and translate a mesh.
+
+    Args:
+        part: The mesh.
+        offset_m: Translation x, y, z [m], applied last.
+        yaw_rad: Rotation about z [rad], applied after `rotation`.
+        rotation: Rotation matrix (3, 3), applied first; None for none.
+
+    Returns:
+        The transformed mesh.
+    """
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     turn = turn if rotation is None else turn @ np.asarray(rotation, dtype=np.float64)
@@ -69,20 +109,40 @@ def moved(
 
 
 def mirrored(part: Mesh) -> Mesh:
-    """Return `part` mirrored in the x-z plane (left becomes right), its faces still outward."""
+    """Mirror a mesh in the x-z plane, so that left becomes right; its faces still point outwards.
+
+    Args:
+        part: The mesh.
+
+    Returns:
+        The mirrored mesh.
+    """
     return Mesh(vertices=(part.vertices * np.array([1, -1, 1], np.float32)), faces=part.faces[:, ::-1].copy())
 
 
 def box(size_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.0, 0.0)) -> Mesh:
-    """Return a box of `size_m` (x, y, z) about `centre_m`."""
+    """Make a box.
+
+    Args:
+        size_m: Size in x, y, z [m].
+        centre_m: Centre x, y, z [m].
+
+    Returns:
+        The mesh.
+    """
     points = 0.5 * np.asarray(size_m, dtype=np.float64) * _BOX_CORNERS + np.asarray(centre_m)
     return mesh(points, _quad_faces(_BOX_QUADS))
 
 
 def loft(rings: ArrayLike, *, caps: bool = True) -> Mesh:
-    """Return the skin over `rings` (K, N, 3) [m], each counter-clockwise seen from the last ring's side.
+    """Make the surface between successive cross-sections.
 
-    `caps` closes both ends with fans, so those rings are to be convex.
+    Args:
+        rings: Cross-sections (K, N, 3) [m], each counter-clockwise seen from the side of the last one.
+        caps: Whether to close both ends with triangle fans; the end rings must then be convex.
+
+    Returns:
+        The mesh.
     """
     points = np.asarray(rings, dtype=np.float64)
     count, size = points.shape[:2]
@@ -94,7 +154,15 @@ def loft(rings: ArrayLike, *, caps: bool = True) -> Mesh:
 
 
 def loft_quads(count: int, size: int) -> NDArray[np.int64]:
-    """Return ((count - 1) * size, 4) vertex rows of the quads between `count` rings of `size` points."""
+    """Return the quads between successive rings of vertices.
+
+    Args:
+        count: Number of rings.
+        size: Number of points per ring.
+
+    Returns:
+        Vertex indices ((count - 1) * size, 4).
+    """
     ring, point = np.divmod(np.arange((count - 1) * size), size)
     following = ring * size + (point + 1) % size
     own = ring * size + point
@@ -102,11 +170,21 @@ def loft_quads(count: int, size: int) -> NDArray[np.int64]:
 
 
 def _quad_faces(corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Split quads (Q, 4) into triangles (2 Q, 3)."""
     return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
 
 
 def prism(outline: ArrayLike, *, bottom_m: float, top_m: float) -> Mesh:
-    """Return a simple counter-clockwise polygon `outline` (N, 2) [m], convex or not, between heights."""
+    """Make an upright prism over a polygon.
+
+    Args:
+        outline: Simple counter-clockwise polygon (N, 2) [m], convex or not.
+        bottom_m: Height of the bottom [m].
+        top_m: Height of the top [m].
+
+    Returns:
+        The mesh.
+    """
     corners = np.asarray(outline, dtype=np.float64)
     lid = polygon_triangles(corners)
     size = len(corners)
@@ -115,7 +193,14 @@ def prism(outline: ArrayLike, *, bottom_m: float, top_m: float) -> Mesh:
 
 
 def polygon_triangles(outline: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return (N - 2, 3) corner rows that fill a simple counter-clockwise polygon (N, 2), by ear clipping."""
+    """Triangulate a polygon by ear clipping.
+
+    Args:
+        outline: Simple counter-clockwise polygon (N, 2).
+
+    Returns:
+        Corner indices (N - 2, 3).
+    """
     left = list(range(len(outline)))
     triangles = []
     while len(left) > 3:
@@ -126,6 +211,7 @@ def polygon_triangles(outline: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _is_ear(outline: NDArray[np.float64], left: list[int], i: int) -> bool:
+    """Return whether corner `i` of the remaining polygon can be cut off."""
     before, own, after = left[i - 1], left[i], left[(i + 1) % len(left)]
     corners = outline[[before, own, after]]
     edges = np.roll(corners, -1, axis=0) - corners
@@ -138,13 +224,31 @@ def _is_ear(outline: NDArray[np.float64], left: list[int], i: int) -> bool:
 
 
 def circle(radius_m: float, sides: int) -> NDArray[np.float64]:
-    """Return (sides, 2) points of a regular polygon, counter-clockwise."""
+    """Return the corners of a regular polygon.
+
+    Args:
+        radius_m: Radius of its circumcircle [m].
+        sides: Number of corners.
+
+    Returns:
+        Corners (sides, 2) [m], counter-clockwise.
+    """
     angle = 2 * np.pi * np.arange(sides) / sides
     return radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def cylinder(radius_m: float, height_m: float, *, sides: int = 8, top_radius_m: float | None = None) -> Mesh:
-    """Return an upright cylinder on z = 0, tapered to `top_radius_m` if given (0 makes a cone)."""
+    """Make an upright cylinder that stands on z = 0.
+
+    Args:
+        radius_m: Radius of the bottom [m].
+        height_m: Height [m].
+        sides: Number of sides.
+        top_radius_m: Radius of the top [m]; None for that of the bottom, 0 for a cone.
+
+    Returns:
+        The mesh.
+    """
     return tube((0, 0, 0), (0, 0, height_m), radius_m, top_radius_m, sides=sides)
 
 
@@ -156,7 +260,18 @@ def tube(
     *,
     sides: int = 6,
 ) -> Mesh:
-    """Return a round bar from `start_m` to `end_m`, tapered to `end_radius_m` if given."""
+    """Make a round bar between two points.
+
+    Args:
+        start_m: Start x, y, z [m].
+        end_m: End x, y, z [m].
+        radius_m: Radius at the start [m].
+        end_radius_m: Radius at the end [m]; None for that at the start.
+        sides: Number of sides.
+
+    Returns:
+        The mesh.
+    """
     start, end = np.asarray(start_m, dtype=np.float64), np.asarray(end_m, dtype=np.float64)
     axis = (end - start) / np.linalg.norm(end - start)
     across = np.cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.7 else (0.0, 1.0, 0.0))
@@ -169,7 +284,17 @@ def tube(
 def ellipsoid(
     radii_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.0, 0.0), *, sides: int = 8, rows: int = 5
 ) -> Mesh:
-    """Return an ellipsoid of flat facets with `rows` bands between its poles."""
+    """Make a faceted ellipsoid.
+
+    Args:
+        radii_m: Radii in x, y, z [m].
+        centre_m: Centre x, y, z [m].
+        sides: Number of facets around the z axis.
+        rows: Number of bands between the poles.
+
+    Returns:
+        The mesh.
+    """
     latitude = np.linspace(-np.pi / 2, np.pi / 2, rows + 1)
     flat = np.cos(latitude)[:, None, None] * circle(1.0, sides)
     high = np.broadcast_to(np.sin(latitude)[:, None, None], (rows + 1, sides, 1))
@@ -178,7 +303,16 @@ def ellipsoid(
 
 
 def prototype(name: str, class_name: str, parts: dict[str, Mesh]) -> Prototype:
-    """Return a `Prototype` of `parts`, shifted so that their common box is centred and on the ground."""
+    """Make a prototype, shifted so that its bounding box is centred on the origin and stands on z = 0.
+
+    Args:
+        name: Name of the prototype.
+        class_name: Class of its objects.
+        parts: Meshes by name of the material.
+
+    Returns:
+        The prototype.
+    """
     points = np.concatenate([part.vertices[np.unique(part.faces)] for part in parts.values()])
     low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
     shift = (-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2])

@@ -30,38 +30,38 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 """Base colours (linear red, green, blue) to look at, by material."""
 
 
-def town_scene(town: Scene) -> trimesh.Scene:
-    """Return the town as a scene: a node a material, and a node for each part of each placement."""
-    scene = trimesh.Scene()
+def gltf_scene(scene: Scene) -> trimesh.Scene:
+    """Return the scene as a tree: a node a material, and a node for each part of each placement."""
+    tree = trimesh.Scene()
     upright = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
-    scene.graph.update(frame_to="town", frame_from="world", matrix=upright)
-    for material, mesh in town.static.items():
+    tree.graph.update(frame_to="town", frame_from="world", matrix=upright)
+    for material, mesh in scene.static.items():
         name = f"static/{material}"
-        scene.add_geometry(_geometry(mesh, material), node_name=name, geom_name=name, parent_node_name="town")
-    placed = town.placements
-    for row, prototype in enumerate(town.prototypes):
+        tree.add_geometry(_geometry(mesh, material), node_name=name, geom_name=name, parent_node_name="town")
+    placed = scene.placements
+    for row, prototype in enumerate(scene.prototypes):
         rows = np.flatnonzero(placed.prototype == row)
         if len(rows) == 0:
             continue
         for material, mesh in prototype.parts.items():
             name = f"{prototype.name}/{material}"
-            scene.geometry[name] = _geometry(mesh, material)
+            tree.geometry[name] = _geometry(mesh, material)
             for i in rows:
                 node = f"{name}/{placed.instance[i]}"
                 pose = _pose(placed.position[i], float(placed.yaw[i]), float(placed.scale[i]))
-                scene.graph.update(frame_to=node, frame_from="town", matrix=pose, geometry=name)
-    return scene
+                tree.graph.update(frame_to=node, frame_from="town", matrix=pose, geometry=name)
+    return tree
 
 
-def town_to_glb(town: Scene) -> bytes:
-    """Return the town as binary glTF."""
-    data = town_scene(town).export(file_type="glb")
+def scene_to_glb(scene: Scene) -> bytes:
+    """Return the scene as binary glTF."""
+    data = gltf_scene(scene).export(file_type="glb")
     if not isinstance(data, bytes):
         raise TypeError(f"expected bytes from the glb exporter, got {type(data).__name__}")
     return data
 
 
-def is_whole_glb(path: Path) -> bool:
+def is_complete_glb(path: Path) -> bool:
     """Whether a file is there and as long as its header says; the rest is not read.
 
     Khronos glTF 2.0, section 4.4.2: "glTF", version and length of the whole file, little-endian 32 bits each.

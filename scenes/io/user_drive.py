@@ -57,7 +57,7 @@ class UserDrive:
         return self.trajectory.pose(time_s)
 
 
-def drive_plan(table: Table) -> DrivePlan:
+def read_drive_plan(table: Table) -> DrivePlan:
     """Return the plan that a `[drive]` table describes.
 
     Raises:
@@ -82,7 +82,7 @@ def drive_plan(table: Table) -> DrivePlan:
     return plan
 
 
-def own_drive(plan: DrivePlan) -> UserDrive:
+def make_user_drive(plan: DrivePlan) -> UserDrive:
     """Return the drive of a plan."""
     track = _through_poses(plan) if plan.poses else _along_waypoints(plan)
     return UserDrive(trajectory=track, duration_s=float(track.time_s[-1]))

@@ -1,1 +1,1 @@
-"""Street networks: layout, junctions, lanes, and the ground they lie on."""
+"""Street networks and motorways: layout, junctions, lanes, and the ground."""

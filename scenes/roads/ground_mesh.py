@@ -1,7 +1,7 @@
 """The ground as meshes: carriageways, kerbs, pavements and the soil between, cut from plane polygons.
 
-Every carriageway is the union of what its lanes sweep, with corners rounded as kerbs are; all else is offset
-from it, so that nothing overlaps and no gap is left.
+A carriageway is the union of what its lanes sweep, with rounded corners; everything else is offset from it,
+so that nothing overlaps and no gap remains.
 """
 
 from dataclasses import dataclass
@@ -15,12 +15,14 @@ from shapely.geometry.base import BaseGeometry
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.core.scene import Mesh
 from echoscape.scenes.geometry.curves import part
-from echoscape.scenes.roads.junctions import RING_RADIUS_M, Room
+from echoscape.scenes.roads.junctions import ROUNDABOUT_RADIUS_M, TrimLengths
 from echoscape.scenes.roads.street_network import Network
 
-ASIDE_M = 0.38
+WALKING_OFFSET_M = 0.38
+"""Distance at which people walk beside their footpath line [m]."""
 
-SHOULDERS_M = 0.64
+PEDESTRIAN_WIDTH_M = 0.64
+"""Width of a person [m]."""
 
 _STRIP_POINTS = 6
 
@@ -31,9 +33,14 @@ _SKIN_M = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Ground:
-    """The plan of a town: `carriageway`, `corridor` (carriageway and pavements) and all the built-on `land`.
+    """Plan of the ground.
 
-    `streets` holds the carriageway of each street and `crossings` that of each junction, without overlap.
+    Attributes:
+        carriageway: All carriageways.
+        corridor: Carriageways and pavements.
+        land: The whole area of the scene.
+        streets: Carriageway of each street.
+        crossings: Carriageway of each junction; streets and junctions do not overlap.
     """
 
     carriageway: BaseGeometry
@@ -43,8 +50,18 @@ class Ground:
     crossings: tuple[BaseGeometry, ...]
 
 
-def ground_plan(network: Network, roads: RoadGraph, room: Room, *, margin_m: float) -> Ground:
-    """Return the plan of the streets' ground; the land reaches `margin_m` beyond the outermost streets."""
+def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margin_m: float) -> Ground:
+    """Make the plan of the ground of a street network.
+
+    Args:
+        network: The street network.
+        roads: Its lanes.
+        trims: Trimmed lengths of its streets.
+        margin_m: Distance from the outermost streets to the edge of the land [m].
+
+    Returns:
+        The plan.
+    """
     middles = [LineString(street.line) for street in network.streets]
     swept = [
         LineString(
@@ -69,36 +86,43 @@ def ground_plan(network: Network, roads: RoadGraph, room: Room, *, margin_m: flo
     if margin_m > 100.0:
         land = box(*land.bounds)
     land = shapely.union_all([Polygon(p.exterior) for p in polygons(land.simplify(0.5))])
-    streets, crossings = _pieces(network, room, carriageway)
+    streets, crossings = _pieces(network, trims, carriageway)
     return Ground(carriageway=carriageway, corridor=corridor, land=land, streets=streets, crossings=crossings)
 
 
 def _end_m(network: Network, junction: int) -> float:
-    """Return how far from a junction the straight sides of its streets end."""
+    """Return how far from a junction the straight sides of its streets end [m]."""
     if junction in network.roundabouts:
-        return RING_RADIUS_M
+        return ROUNDABOUT_RADIUS_M
     return 6.0 if len(network.arms(junction)) == 1 else 0.0
 
 
 def polygons(shape: BaseGeometry) -> list[Polygon]:
-    """Return the polygons of a shape that are more than slivers."""
+    """Return the polygons of a shape, without slivers.
+
+    Args:
+        shape: Any geometry.
+
+    Returns:
+        Its polygons larger than 0.05 m^2.
+    """
     parts = shapely.get_parts(shape)
     return [p for p in parts if isinstance(p, Polygon) and p.area > 0.05]
 
 
 def _rounded(shape: BaseGeometry, radius_m: float) -> BaseGeometry:
-    """Return `shape` with its inward corners rounded, as a kerb rounds the corner of two streets."""
+    """Round the inward corners of a shape, as a kerb rounds the corner of two streets."""
     closed = shape.buffer(radius_m, quad_segs=6).buffer(-radius_m, quad_segs=6)
     return MultiPolygon(polygons(closed.union(shape).simplify(_SKIN_M)))
 
 
 def _pieces(
-    network: Network, room: Room, carriageway: BaseGeometry
+    network: Network, trims: TrimLengths, carriageway: BaseGeometry
 ) -> tuple[tuple[BaseGeometry, ...], tuple[BaseGeometry, ...]]:
-    """Cut the carriageway into a piece for each street and one for each junction."""
+    """Cut the carriageway into one piece per street and one per junction."""
     shapely.prepare(carriageway)
     streets = []
-    for street, cut in zip(network.streets, room, strict=True):
+    for street, cut in zip(network.streets, trims, strict=True):
         line = LineString(part(street.line, cut[0], street.length_m - cut[1]))
         streets.append(
             line.buffer(street.type.half_width_m + 0.5, cap_style="flat").intersection(carriageway)
@@ -108,14 +132,22 @@ def _pieces(
     tree = shapely.STRtree([Point(xy) for xy in network.junctions])
     owner = tree.nearest(pieces) if pieces else np.zeros(0, dtype=np.intp)
     crossings = tuple(
-        MultiPolygon([piece for piece, own in zip(pieces, owner, strict=True) if own == j])
+        MultiPolygon([piece for piece, index in zip(pieces, owner, strict=True) if index == j])
         for j in range(len(network.junctions))
     )
     return tuple(streets), crossings
 
 
 def flat(shape: BaseGeometry, height_m: float) -> Mesh | None:
-    """Return `shape` as a level mesh at `height_m` that faces upwards, or None if it is empty."""
+    """Make a level mesh that faces up.
+
+    Args:
+        shape: Shape in the plane.
+        height_m: Height [m].
+
+    Returns:
+        The mesh, None if the shape is empty.
+    """
     triangles = [
         triangle
         for polygon in polygons(shape)
@@ -126,14 +158,21 @@ def flat(shape: BaseGeometry, height_m: float) -> Mesh | None:
     corners = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
     edges = np.diff(corners.astype(np.float32).astype(np.float64), axis=1)
     double_area = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
-    corners = corners[double_area > 1e-3]  # thinner ones have no sound normal in single precision
+    corners = corners[double_area > 1e-3]  # thinner triangles have no accurate normal in single precision
     raised = np.concatenate([corners, np.full((*corners.shape[:2], 1), height_m)], axis=-1)
     faces = np.arange(corners.shape[0] * 3, dtype=np.uint32).reshape(-1, 3)
     return Mesh(vertices=raised.reshape(-1, 3).astype(np.float32), faces=faces)
 
 
 def rings(shape: BaseGeometry) -> list[NDArray[np.float64]]:
-    """Return the closed rims (P, 2) of a shape, each with the shape to its left."""
+    """Return the closed boundaries of a shape.
+
+    Args:
+        shape: Shape in the plane.
+
+    Returns:
+        Boundaries (P, 2) [m] with the shape to their left.
+    """
     lines = []
     for polygon in polygons(shape):
         turned = shapely.orient_polygons(polygon)
@@ -142,7 +181,16 @@ def rings(shape: BaseGeometry) -> list[NDArray[np.float64]]:
 
 
 def kerb_runs(carriageway: BaseGeometry, *, height_m: float, run_m: float = 60.0) -> list[Mesh]:
-    """Return kerbs along the rim of the carriageway in runs of about `run_m`: a face and a top."""
+    """Make kerbs along the boundary of the carriageway, each with a face and a top.
+
+    Args:
+        carriageway: The carriageway.
+        height_m: Height of the kerb [m].
+        run_m: Approximate length of a mesh [m].
+
+    Returns:
+        The meshes.
+    """
     runs = []
     for rim in rings(carriageway):
         away = _away(rim) * KERB_WIDTH_M
@@ -155,7 +203,7 @@ def kerb_runs(carriageway: BaseGeometry, *, height_m: float, run_m: float = 60.0
 
 
 def _away(rim: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (P, 2) mitred normals of a closed ring that point to its right, out of the carriageway."""
+    """Return mitred normals (P, 2) of a closed ring that point to its right, out of the carriageway."""
     step = np.diff(rim, axis=0)
     step /= np.linalg.norm(step, axis=1, keepdims=True)
     normal = np.stack([step[:, 1], -step[:, 0]], axis=-1)
@@ -165,6 +213,7 @@ def _away(rim: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _kerb(front: NDArray[np.float64], away: NDArray[np.float64], height_m: float) -> Mesh:
+    """Make the face and top of a kerb along `front` (P, 2)."""
     count = len(front)
 
     def level(line: NDArray[np.float64], height: float) -> NDArray[np.float64]:
@@ -180,10 +229,17 @@ def _kerb(front: NDArray[np.float64], away: NDArray[np.float64], height_m: float
     return Mesh(vertices=vertices.astype(np.float32), faces=np.concatenate(faces).astype(np.uint32))
 
 
-def walking_lines(ground: Ground, *, inside_m: float = 1.48) -> tuple[NDArray[np.float64], ...]:
-    """Return closed lines round the blocks, `inside_m` from the kerb on the pavement.
+def footpath_lines(ground: Ground, *, inside_m: float = 1.48) -> tuple[NDArray[np.float64], ...]:
+    """Return closed lines around the blocks, on the pavement, on both sides of which people walk.
 
-    People walk on both sides of them, between the strip at the kerb where furniture stands and the facades.
+    They lie between the strip at the kerb, where street furniture stands, and the facades.
+
+    Args:
+        ground: Plan of the ground.
+        inside_m: Distance from the kerb [m].
+
+    Returns:
+        Lines (P, 2) [m].
     """
     if ground.corridor.area - ground.carriageway.area < 1000.0:
         return ()
@@ -195,11 +251,18 @@ def walking_lines(ground: Ground, *, inside_m: float = 1.48) -> tuple[NDArray[np
     return tuple(lines)
 
 
-def walking_strips(walks: tuple[NDArray[np.float64], ...]) -> list[shapely.Polygon]:
-    """Return the ground that people sweep on both sides of `walks`, each (P, 2) [m], in short pieces."""
+def footpath_strips(footpaths: tuple[NDArray[np.float64], ...]) -> list[shapely.Polygon]:
+    """Return the ground that people sweep on both sides of footpath lines, in short pieces.
+
+    Args:
+        footpaths: Lines (P, 2) [m].
+
+    Returns:
+        Polygons.
+    """
     pieces = [
-        shapely.LineString(walk[first : first + _STRIP_POINTS + 1])
-        for walk in walks
-        for first in range(0, len(walk) - 1, _STRIP_POINTS)
+        shapely.LineString(path[first : first + _STRIP_POINTS + 1])
+        for path in footpaths
+        for first in range(0, len(path) - 1, _STRIP_POINTS)
     ]
-    return [piece.buffer(ASIDE_M + SHOULDERS_M / 2, quad_segs=4) for piece in pieces]
+    return [piece.buffer(WALKING_OFFSET_M + PEDESTRIAN_WIDTH_M / 2, quad_segs=4) for piece in pieces]

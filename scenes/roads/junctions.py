@@ -1,17 +1,16 @@
-"""The lanes of a street network: traffic keeps to the right, every movement at a junction is a smooth curve.
+"""Lanes of a street network: traffic keeps to the right, every movement at a junction is a smooth curve.
 
-Streets are cut back where their junction begins; turning lanes, rings of roundabouts and U-turns at dead ends
-join what is left with equal position, direction and (but for U-turns) curvature.
+Streets are trimmed where their junction begins; turning lanes, roundabouts and turnarounds at dead ends
+connect the rest with equal position, direction and (except for turnarounds) curvature.
 """
 
 import itertools
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.scenes.core.lane_graph import Lane, LaneKind, RoadGraph
+from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.geometry.curves import (
     Line,
     bulb,
@@ -21,91 +20,27 @@ from echoscape.scenes.geometry.curves import (
     placed,
     resampled,
     smallest_radius,
-    turn,
 )
+from echoscape.scenes.roads.lane_graph_builder import LaneGraphBuilder
 from echoscape.scenes.roads.street_network import Network, Street
 
-RING_RADIUS_M = 16.0
-BULB_RADIUS_M = 7.0
-_BULB_ROOM_M = 15.0
+ROUNDABOUT_RADIUS_M = 16.0
+TURNAROUND_RADIUS_M = 7.0
+_TURNAROUND_ROOM_M = 15.0
 _RIGHT_RADIUS_M = 10.0
 _SHARPEST_M = 5.2
-_LATERAL_MPS2 = 2.0
-
-
-class LaneBook:
-    """Collects lanes and their joins, then closes into a `RoadGraph`."""
-
-    def __init__(self) -> None:
-        self._lanes: list[Lane] = []
-        self._next: list[list[int]] = []
-
-    def add(
-        self, centre: Line, kind: LaneKind, *, width_m: float, speed_mps: float, junction: int | None = None
-    ) -> int:
-        """Add a lane and return its id; its speed limit falls with its tightest bend."""
-        limit = float(np.sqrt(_LATERAL_MPS2 * smallest_radius(centre)))
-        speed = speed_mps if kind == "street" else float(np.clip(limit, 5.0, speed_mps))
-        lane = Lane(
-            id=len(self._lanes),
-            kind=kind,
-            centre=centre,
-            width_m=width_m,
-            speed_limit_mps=speed,
-            successors=(),
-            junction=junction,
-        )
-        self._lanes.append(lane)
-        self._next.append([])
-        return lane.id
-
-    def __getitem__(self, lane: int) -> Lane:
-        return self._lanes[lane]
-
-    def is_idle(self, lane: int) -> bool:
-        """Tell whether nothing follows `lane` yet."""
-        return not self._next[lane]
-
-    def join(self, before: int, after: int) -> None:
-        """Let traffic go from the end of lane `before` to the start of lane `after`."""
-        self._next[before].append(after)
-
-    def connect(self, before: int, after: int, *, junction: int, kind: LaneKind = "turn") -> int:
-        """Add a smooth lane from the end of `before` to the start of `after` and return its id."""
-        first, second = self._lanes[before], self._lanes[after]
-        lane = self.add(
-            turn(first.centre, second.centre),
-            kind,
-            width_m=min(first.width_m, second.width_m),
-            speed_mps=min(first.speed_limit_mps, second.speed_limit_mps),
-            junction=junction,
-        )
-        self.join(before, lane)
-        self.join(lane, after)
-        return lane
-
-    def oppose(self, first: int, second: int) -> None:
-        """Say that two lanes are the two directions of one street."""
-        self._lanes[first] = replace(self._lanes[first], opposite=second)
-        self._lanes[second] = replace(self._lanes[second], opposite=first)
-
-    def let_yield(self, lane: int) -> None:
-        """Say that traffic gives way at the end of `lane`."""
-        self._lanes[lane] = replace(self._lanes[lane], yields=True)
-
-    def graph(self, junctions: Line) -> RoadGraph:
-        """Return the finished graph."""
-        lanes = tuple(
-            replace(lane, successors=tuple(after))
-            for lane, after in zip(self._lanes, self._next, strict=True)
-        )
-        return RoadGraph(lanes=lanes, junctions=np.asarray(junctions, dtype=np.float64))
 
 
 class Arm(NamedTuple):
-    """A street end at a junction: lanes run from the inmost; `heading_rad` leads away from the junction.
+    """A street end at a junction.
 
-    `ahead_rad` is the heading 15 m further on.
+    Attributes:
+        street: Index of the street.
+        starts: Whether the street starts at the junction.
+        heading_rad: Heading away from the junction [rad].
+        ahead_rad: Heading 15 m further on [rad].
+        incoming: Ids of the lanes towards the junction, innermost first.
+        outgoing: Ids of the lanes away from it, innermost first.
     """
 
     street: int
@@ -116,18 +51,24 @@ class Arm(NamedTuple):
     outgoing: tuple[int, ...] = ()
 
 
-Room = list[tuple[float, float]]
-"""How far [m] each street is cut back at its start and its end."""
+TrimLengths = list[tuple[float, float]]
+"""Length [m] by which each street is trimmed at its start and its end."""
 
 
-def road_graph(network: Network) -> tuple[RoadGraph, Room]:
-    """Return the lanes of a street network, without walks, and how far its streets are cut back.
+def road_graph(network: Network) -> tuple[RoadGraph, TrimLengths]:
+    """Return the lanes of a street network.
 
-    Junctions whose turns come out too sharp are made larger.
+    Junctions are enlarged until no turn is too tight.
+
+    Args:
+        network: The street network.
+
+    Returns:
+        The road graph, without footpaths and kerbs, and the trimmed lengths of the streets.
     """
     size = np.ones(len(network.junctions))
-    room = _junction_room(network, size)
-    graph = _graph(network, room)
+    trims = _trim_lengths(network, size)
+    graph = _graph(network, trims)
     for _ in range(3):
         tight = {
             lane.junction
@@ -137,15 +78,15 @@ def road_graph(network: Network) -> tuple[RoadGraph, Room]:
         if not tight:
             break
         size[[junction for junction in tight if junction is not None]] *= 1.25
-        room = _junction_room(network, size)
-        graph = _graph(network, room)
-    return graph, room
+        trims = _trim_lengths(network, size)
+        graph = _graph(network, trims)
+    return graph, trims
 
 
-def _graph(network: Network, room: Room) -> RoadGraph:
-    """Return the lanes of streets that are cut back by `room`."""
-    book = LaneBook()
-    lanes = [_street_lanes(book, street, room[number]) for number, street in enumerate(network.streets)]
+def _graph(network: Network, trims: TrimLengths) -> RoadGraph:
+    """Return the lanes of streets that are trimmed by `trims`."""
+    builder = LaneGraphBuilder()
+    lanes = [_street_lanes(builder, street, trims[number]) for number, street in enumerate(network.streets)]
     for junction in range(len(network.junctions)):
         arms = []
         for arm in _arms(network, junction):
@@ -153,26 +94,26 @@ def _graph(network: Network, room: Room) -> RoadGraph:
             ends = (backward, forward) if arm.starts else (forward, backward)
             arms.append(arm._replace(incoming=ends[0], outgoing=ends[1]))
         if junction in network.roundabouts:
-            _add_roundabout(book, network, junction, arms)
+            _add_roundabout(builder, network, junction, arms)
         elif len(arms) == 1:
-            _add_dead_end(book, network.streets[arms[0].street], junction, arms[0])
+            _add_dead_end(builder, network.streets[arms[0].street], junction, arms[0])
         else:
-            _add_crossing(book, network, junction, arms)
-    return book.graph(network.junctions)
+            _add_crossing(builder, network, junction, arms)
+    return builder.graph(network.junctions)
 
 
-def _junction_room(network: Network, size: NDArray[np.float64]) -> Room:
-    """Return how far streets are cut back where junction j is `size[j]` times as large as it need be."""
-    room = [[0.0, 0.0] for _ in network.streets]
+def _trim_lengths(network: Network, size: NDArray[np.float64]) -> TrimLengths:
+    """Return the trim lengths where junction j is `size[j]` times as large as necessary."""
+    trims = [[0.0, 0.0] for _ in network.streets]
     for junction in range(len(network.junctions)):
         arms = _arms(network, junction)
-        for arm, length in zip(arms, _cuts(network, junction, arms), strict=True):
-            room[arm.street][0 if arm.starts else 1] = float(length * size[junction])
-    for street, ends in zip(network.streets, room, strict=True):
+        for arm, length in zip(arms, _trim_arms(network, junction, arms), strict=True):
+            trims[arm.street][0 if arm.starts else 1] = float(length * size[junction])
+    for street, ends in zip(network.streets, trims, strict=True):
         spare = street.length_m - 8.0
         if sum(ends) > spare:
             ends[:] = [end * spare / sum(ends) for end in ends]
-    return [(first, last) for first, last in room]
+    return [(first, last) for first, last in trims]
 
 
 def _arms(network: Network, junction: int) -> list[Arm]:
@@ -185,17 +126,17 @@ def _arms(network: Network, junction: int) -> list[Arm]:
     return sorted(arms, key=lambda arm: arm.heading_rad)
 
 
-def _cuts(network: Network, junction: int, arms: list[Arm]) -> list[float]:
-    """Return how far each arm is cut back, so that its right turns have room.
+def _trim_arms(network: Network, junction: int, arms: list[Arm]) -> list[float]:
+    """Return the trim length of each arm [m] that leaves space for its right turns.
 
-    Two outer lanes meet (o_j + o_i cos g) / sin g along arm i for a gap g; an arc of radius R needs
-    R / tan(g/2) beyond.
+    Outer lanes at lateral offsets o_i, o_j meet (o_j + o_i cos g) / sin g along arm i for an angle g between
+    the arms; an arc of radius R needs R / tan(g/2) more.
     """
     if len(arms) == 1:
-        return [_BULB_ROOM_M]
+        return [_TURNAROUND_ROOM_M]
     types = [network.streets[arm.street].type for arm in arms]
     if junction in network.roundabouts:
-        return [RING_RADIUS_M + 17.0] * len(arms)
+        return [ROUNDABOUT_RADIUS_M + 17.0] * len(arms)
     outer = [kind.lane_edge_m - kind.lane_width_m / 2 for kind in types]
     cuts = [max(8.0, max(kind.half_width_m for kind in types) * 0.8 + 2.0)] * len(arms)
     for i in range(len(arms)):
@@ -210,36 +151,38 @@ def _cuts(network: Network, junction: int, arms: list[Arm]) -> list[float]:
 
 
 def _street_lanes(
-    book: LaneBook, street: Street, room: tuple[float, float]
+    builder: LaneGraphBuilder, street: Street, trims: tuple[float, float]
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Add the lanes of a street, the inmost first, and return those forward and those backward."""
+    """Add the lanes of a street and return those forward and those backward, innermost first."""
     kind = street.type
-    line = resampled(part(street.line, room[0], street.length_m - room[1]), 0.5)
+    line = resampled(part(street.line, trims[0], street.length_m - trims[1]), 0.5)
     forward, backward = [], []
     for number in range(kind.lanes):
         aside = (number + 0.5) * kind.lane_width_m
         for centre, ids in ((offset(line, -aside), forward), (offset(line, aside)[::-1], backward)):
-            ids.append(book.add(centre, "street", width_m=kind.lane_width_m, speed_mps=kind.speed_limit_mps))
-        book.oppose(forward[-1], backward[-1])
+            ids.append(
+                builder.add(centre, "street", width_m=kind.lane_width_m, speed_mps=kind.speed_limit_mps)
+            )
+        builder.pair_directions(forward[-1], backward[-1])
     return tuple(forward), tuple(backward)
 
 
-def _add_dead_end(book: LaneBook, street: Street, junction: int, arm: Arm) -> None:
-    """Join the inmost lanes of a dead end by a U-turn about its tip, and so the outer ones about them."""
+def _add_dead_end(builder: LaneGraphBuilder, street: Street, junction: int, arm: Arm) -> None:
+    """Connect the lanes of a dead end by turnarounds, the innermost by the smallest."""
     for before, after in zip(arm.incoming, arm.outgoing, strict=True):
-        end, start = book[before].centre[-1], book[after].centre[0]
+        end, start = builder[before].centre[-1], builder[after].centre[0]
         outward = start - end
         heading = float(np.arctan2(-outward[0], outward[1]))
         aside = float(np.linalg.norm(outward)) / 2
-        line = placed(bulb(aside, max(BULB_RADIUS_M, aside + 3.0)), (start + end) / 2, heading)
+        line = placed(bulb(aside, max(TURNAROUND_RADIUS_M, aside + 3.0)), (start + end) / 2, heading)
         line[0], line[-1] = end, start
-        lane = book.add(line, "u_turn", width_m=street.type.lane_width_m, speed_mps=5.0, junction=junction)
-        book.join(before, lane)
-        book.join(lane, after)
+        lane = builder.add(line, "u_turn", width_m=street.type.lane_width_m, speed_mps=5.0, junction=junction)
+        builder.join(before, lane)
+        builder.join(lane, after)
 
 
-def _add_crossing(book: LaneBook, network: Network, junction: int, arms: list[Arm]) -> None:
-    """Add every movement from arm to arm: left from the inmost lane, right from the outermost."""
+def _add_crossing(builder: LaneGraphBuilder, network: Network, junction: int, arms: list[Arm]) -> None:
+    """Add every movement between arms: left turns from the innermost lane, right turns from the outermost."""
     for arm in arms:
         bends = {i: _bend_rad(arm, other) for i, other in enumerate(arms) if other is not arm}
         straight = min(bends, key=lambda i: abs(bends[i]))
@@ -255,31 +198,31 @@ def _add_crossing(book: LaneBook, network: Network, junction: int, arms: list[Ar
                 lane = 0 if bend > 0 else -1
                 pairs = {(arm.incoming[lane], others[lane])}
             for before, after in sorted(pairs):
-                book.connect(before, after, junction=junction)
-        _serve_idle(book, arm, arms[straight], junction)
-    _set_yields(book, network, arms)
+                builder.connect(before, after, junction=junction)
+        _connect_remaining(builder, arm, arms[straight], junction)
+    _set_yields(builder, network, arms)
 
 
-def _serve_idle(book: LaneBook, arm: Arm, straight: Arm, junction: int) -> None:
-    """Give lanes that no movement took a way on, so that nobody is stranded."""
+def _connect_remaining(builder: LaneGraphBuilder, arm: Arm, straight: Arm, junction: int) -> None:
+    """Connect lanes without a successor to the street straight ahead."""
     for before in arm.incoming:
-        if book.is_idle(before):
+        if builder.is_unconnected(before):
             side = 0 if before == arm.incoming[0] else -1
-            book.connect(before, straight.outgoing[side], junction=junction)
+            builder.connect(before, straight.outgoing[side], junction=junction)
 
 
 def _gap_rad(arm: Arm, other: Arm) -> float:
-    """Return the angle from `arm` counter-clockwise to `other`."""
+    """Return the angle counter-clockwise from `arm` to `other` [rad]."""
     return (other.heading_rad - arm.heading_rad) % (2 * np.pi)
 
 
 def _bend_rad(arm: Arm, other: Arm) -> float:
-    """Return the change of heading from coming along `arm` to leaving along `other`, left positive."""
+    """Return the change of heading from `arm` to `other` [rad], left positive."""
     return (other.heading_rad - arm.heading_rad) % (2 * np.pi) - np.pi
 
 
-def _set_yields(book: LaneBook, network: Network, arms: list[Arm]) -> None:
-    """Let the arms give way that are not of the widest and straightest pair."""
+def _set_yields(builder: LaneGraphBuilder, network: Network, arms: list[Arm]) -> None:
+    """Let all arms give way except the widest and straightest pair."""
     if len(arms) < 3:
         return
     pairs = [(i, j) for i in range(len(arms)) for j in range(i)]
@@ -292,31 +235,36 @@ def _set_yields(book: LaneBook, network: Network, arms: list[Arm]) -> None:
     for i, arm in enumerate(arms):
         if i not in major:
             for lane in arm.incoming:
-                book.let_yield(lane)
+                builder.set_yield(lane)
 
 
-def _add_roundabout(book: LaneBook, network: Network, junction: int, arms: list[Arm]) -> None:
-    """Add a ring driven counter-clockwise, with an entry and an exit for every lane of every arm."""
+def _add_roundabout(builder: LaneGraphBuilder, network: Network, junction: int, arms: list[Arm]) -> None:
+    """Add a counter-clockwise ring with an entry and an exit for every lane of every arm."""
     centre = network.junctions[junction]
     gaps = [_gap_rad(arm, arms[(i + 1) % len(arms)]) for i, arm in enumerate(arms)]
     half = min(0.55, min(gaps) / 2 - 0.12)
     angles = [arm.heading_rad + side for arm in arms for side in (-half, half)]
     angles.append(angles[0] + 2 * np.pi)
     ring = [
-        book.add(_ring_arc(centre, first, last), "roundabout", width_m=4.0, speed_mps=8.0, junction=junction)
+        builder.add(
+            _ring_arc(centre, first, last), "roundabout", width_m=4.0, speed_mps=8.0, junction=junction
+        )
         for first, last in itertools.pairwise(angles)
     ]
     for number, lane in enumerate(ring):
-        book.join(lane, ring[(number + 1) % len(ring)])
+        builder.join(lane, ring[(number + 1) % len(ring)])
     for i, arm in enumerate(arms):
         for lane in arm.incoming:
-            book.connect(lane, ring[2 * i + 1], junction=junction)
-            book.let_yield(lane)
+            builder.connect(lane, ring[2 * i + 1], junction=junction)
+            builder.set_yield(lane)
         for lane in arm.outgoing:
-            book.connect(ring[2 * i - 1], lane, junction=junction)
+            builder.connect(ring[2 * i - 1], lane, junction=junction)
 
 
 def _ring_arc(centre: Line, first_rad: float, last_rad: float) -> Line:
+    """Return an arc of the roundabout between two angles (P, 2) [m]."""
     last_rad = first_rad + (last_rad - first_rad) % (2 * np.pi)
-    angle = np.linspace(first_rad, last_rad, max(int(RING_RADIUS_M * (last_rad - first_rad) / 0.15), 8) + 1)
-    return centre + RING_RADIUS_M * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    angle = np.linspace(
+        first_rad, last_rad, max(int(ROUNDABOUT_RADIUS_M * (last_rad - first_rad) / 0.15), 8) + 1
+    )
+    return centre + ROUNDABOUT_RADIUS_M * np.stack([np.cos(angle), np.sin(angle)], axis=-1)

@@ -1,7 +1,7 @@
 """A motorway: two carriageways of two lanes with hard shoulders, slip roads, and loops at both ends.
 
-All lanes are lines at a distance from one winding middle line; a slip road's distance grows and shrinks
-smoothly (as on a diverge taper), so it leaves and joins the outer lane without a kink.
+All lanes have a lateral offset from one winding middle line. The offset of a slip road changes smoothly, as
+on a diverge taper, so that it leaves and joins the outer lane without a kink.
 """
 
 import itertools
@@ -24,12 +24,12 @@ from echoscape.scenes.geometry.curves import (
     resampled,
 )
 from echoscape.scenes.roads.ground_mesh import Ground, polygons
-from echoscape.scenes.roads.junctions import LaneBook
+from echoscape.scenes.roads.lane_graph_builder import LaneGraphBuilder
 
 INNER_M, OUTER_M = 4.8, 8.45
-"""From the middle line to the inner and the outer lane's centre."""
+"""Distances from the middle line to the centres of the inner and outer lane [m]."""
 EDGE_M = 13.6
-"""From the middle line to the outer edge of the hard shoulder."""
+"""Distance from the middle line to the outer edge of the hard shoulder [m]."""
 _TAPER_M = 130.0
 _LANE_M = 3.65
 _SPEED_MPS = 31.0
@@ -39,7 +39,13 @@ _LOOP_M = {INNER_M: 30.0, OUTER_M: 36.0}
 
 @dataclass(frozen=True, kw_only=True)
 class Motorway:
-    """The lanes and ground of a motorway; `middle` (P, 2) runs along its central reservation."""
+    """Lanes and ground of a motorway.
+
+    Attributes:
+        middle: Line along the central reservation (P, 2) [m].
+        roads: The road graph.
+        ground: Plan of the ground.
+    """
 
     middle: Line
     roads: RoadGraph
@@ -47,19 +53,27 @@ class Motorway:
 
 
 def motorway(*, rng: np.random.Generator, margin_m: float) -> Motorway:
-    """Return a motorway some 2.4 km long with one slip road a carriageway."""
+    """Make a motorway about 2.4 km long with one slip road per carriageway.
+
+    Args:
+        rng: Random generator.
+        margin_m: Width of the land around it [m].
+
+    Returns:
+        The motorway.
+    """
     middle = _middle(rng)
-    book = LaneBook()
-    ahead = _carriageway(book, middle, rng)
-    back = _carriageway(book, middle[::-1], rng)
+    builder = LaneGraphBuilder()
+    ahead = _carriageway(builder, middle, rng)
+    back = _carriageway(builder, middle[::-1], rng)
     for one, other in ((ahead, back), (back, ahead)):
         for place in (0, 1):
-            _loop(book, one[-1][place], other[0][place])
+            _loop(builder, one[-1][place], other[0][place])
     for first, second in zip(ahead, back[::-1], strict=True):
         for place in (0, 1):
-            if book[first[place]].kind == "street":
-                book.oppose(first[place], second[place])
-    roads = book.graph(points_at(middle, np.array([0.0, 650.0, 1600.0, arc_length(middle)[-1]])))
+            if builder[first[place]].kind == "street":
+                builder.pair_directions(first[place], second[place])
+    roads = builder.graph(points_at(middle, np.array([0.0, 650.0, 1600.0, arc_length(middle)[-1]])))
     return Motorway(middle=middle, roads=roads, ground=_ground(middle, roads, margin_m))
 
 
@@ -71,8 +85,8 @@ def _middle(rng: np.random.Generator) -> Line:
     return resampled(np.stack([fine, CubicSpline(x, y, bc_type="natural")(fine)], axis=-1), 0.8)
 
 
-def _carriageway(book: LaneBook, middle: Line, rng: np.random.Generator) -> list[tuple[int, int]]:
-    """Add one carriageway, to the right of `middle`, and return its (inner, outer) lanes in turn."""
+def _carriageway(builder: LaneGraphBuilder, middle: Line, rng: np.random.Generator) -> list[tuple[int, int]]:
+    """Add the carriageway to the right of `middle`; return the (inner, outer) lane ids of its sections."""
     along = arc_length(middle)
     leave, join = 500.0 + rng.uniform(0, 80), 1500.0 + rng.uniform(-80, 80)
     cuts = [0.0, leave, leave + _TAPER_M, join, join + _TAPER_M, along[-1]]
@@ -80,7 +94,7 @@ def _carriageway(book: LaneBook, middle: Line, rng: np.random.Generator) -> list
     for number, (first, last) in enumerate(itertools.pairwise(cuts)):
         kind = "street" if number % 2 == 0 else "turn"
         pair = [
-            book.add(
+            builder.add(
                 _beside(middle, first, last, np.full(2, aside)),
                 kind,
                 width_m=_LANE_M,
@@ -92,15 +106,17 @@ def _carriageway(book: LaneBook, middle: Line, rng: np.random.Generator) -> list
         sections.append((pair[0], pair[1]))
     for before, after in itertools.pairwise(sections):
         for place in (0, 1):
-            book.join(before[place], after[place])
+            builder.join(before[place], after[place])
     for before, after, place in ((0, 2, 0), (0, 2, 1), (2, 4, 0), (2, 4, 1)):  # changes of lane
-        book.connect(sections[before][place], sections[after][1 - place], junction=1 + before // 2)
-    _slip(book, middle, (leave, join), sections)
+        builder.connect(sections[before][place], sections[after][1 - place], junction=1 + before // 2)
+    _slip(builder, middle, (leave, join), sections)
     return sections
 
 
-def _slip(book: LaneBook, middle: Line, span: tuple[float, float], sections: list[tuple[int, int]]) -> None:
-    """Add a slip road that leaves the outer lane at `span[0]` and joins it again past `span[1]`."""
+def _slip(
+    builder: LaneGraphBuilder, middle: Line, span: tuple[float, float], sections: list[tuple[int, int]]
+) -> None:
+    """Add a slip road that leaves the outer lane at `span[0]` and joins it again beyond `span[1]`."""
     leave, join = span
     stop = join + _TAPER_M
     share = np.linspace(0.0, 1.0, 2001)
@@ -113,21 +129,21 @@ def _slip(book: LaneBook, middle: Line, span: tuple[float, float], sections: lis
     cuts = np.searchsorted(along, [0.0, _TAPER_M, along[-1] - _TAPER_M, along[-1]])
     kinds = ("turn", "street", "turn")
     ids = [
-        book.add(line[a : b + 1], kind, width_m=_LANE_M, speed_mps=_SLIP_MPS, junction=junction)
+        builder.add(line[a : b + 1], kind, width_m=_LANE_M, speed_mps=_SLIP_MPS, junction=junction)
         for a, b, kind, junction in zip(cuts[:-1], cuts[1:], kinds, (1, None, 2), strict=True)
     ]
-    book.let_yield(ids[1])
+    builder.set_yield(ids[1])
     for before, after in (
         (sections[0][1], ids[0]),
         (ids[0], ids[1]),
         (ids[1], ids[2]),
         (ids[2], sections[4][1]),
     ):
-        book.join(before, after)
+        builder.join(before, after)
 
 
 def _beside(middle: Line, first_m: float, last_m: float, aside_m: NDArray[np.float64]) -> Line:
-    """Return the line beside `middle` from one distance to another, `aside_m` to its right."""
+    """Return a section of the line `aside_m` to the right of `middle`."""
     count = int((last_m - first_m) / 0.5) + 1
     distance = np.linspace(first_m, last_m, count)
     along, normal = arc_length(middle), left_normals(middle)
@@ -138,22 +154,22 @@ def _beside(middle: Line, first_m: float, last_m: float, aside_m: NDArray[np.flo
     return base - aside[:, None] * left
 
 
-def _loop(book: LaneBook, before: int, after: int) -> None:
-    """Join the end of one carriageway's lane to the start of the other's by a wide loop."""
-    end, start = book[before].centre[-1], book[after].centre[0]
+def _loop(builder: LaneGraphBuilder, before: int, after: int) -> None:
+    """Connect the end of one carriageway's lane to the start of the other's by a wide loop."""
+    end, start = builder[before].centre[-1], builder[after].centre[0]
     outward = start - end
     aside = float(np.linalg.norm(outward)) / 2
     radius = min(_LOOP_M.items(), key=lambda item: abs(item[0] - aside))[1]
     heading = float(np.arctan2(-outward[0], outward[1]))
     line = placed(bulb(aside, radius, side_radius_m=70.0), (start + end) / 2, heading)
     line[0], line[-1] = end, start
-    lane = book.add(line, "u_turn", width_m=_LANE_M, speed_mps=_SLIP_MPS, junction=3)
-    book.join(before, lane)
-    book.join(lane, after)
+    lane = builder.add(line, "u_turn", width_m=_LANE_M, speed_mps=_SLIP_MPS, junction=3)
+    builder.join(before, lane)
+    builder.join(lane, after)
 
 
 def _ground(middle: Line, roads: RoadGraph, margin_m: float) -> Ground:
-    """Return the motorway's ground: carriageways with shoulders, slips and loops, and the land about them."""
+    """Return the ground: carriageways with shoulders, slip roads and loops, and the land around them."""
     main = LineString(middle).buffer(EDGE_M, cap_style="flat")
     narrow = [
         LineString(lane.centre[::4]).buffer(2.9)

@@ -12,13 +12,27 @@ _TRACK = StreetType(
 
 
 def straight_road(length_m: float = 920.0) -> Network:
-    """Return one straight two-way road along x, about the origin."""
+    """Make one straight two-way road along x, centred on the origin.
+
+    Args:
+        length_m: Length [m].
+
+    Returns:
+        The street network.
+    """
     ends = np.array([[-length_m / 2, 0.0], [length_m / 2, 0.0]])
     return Network(junctions=ends, streets=(Street(start=0, end=1, line=resampled(ends, 1.0), type=COUNTRY),))
 
 
 def country_roads(*, rng: np.random.Generator) -> Network:
-    """Return a winding road some 1.9 km long and two tracks that leave it."""
+    """Make a winding road about 1.9 km long and two tracks that leave it.
+
+    Args:
+        rng: Random generator.
+
+    Returns:
+        The street network.
+    """
     x = np.linspace(-850.0, 850.0, 7)
     y = np.concatenate([[0.0], rng.uniform(-110.0, 110.0, 5), [0.0]])
     fine = np.linspace(x[0], x[-1], 6001)
@@ -35,7 +49,7 @@ def country_roads(*, rng: np.random.Generator) -> Network:
 
 
 def _track(road: Line, index: int, side: float) -> Line:
-    """Return a line that leaves `road` squarely and bends a little."""
+    """Return a line that leaves `road` at a right angle and bends a little."""
     along = road[index + 2] - road[index - 2]
     along /= np.linalg.norm(along)
     away = side * np.array([-along[1], along[0]])

@@ -1,7 +1,8 @@
-"""Growing a street network: convex blocks of a chart split across their longer side until they are small.
+"""Lays out a street network by subdivision: blocks are split across their longer side until they are small.
 
-A new street keeps its distance from other junctions, or runs into one of them and makes it a crossing; every
-angle between streets is checked in the world, after the chart's bending.
+Compare Parish & Muller, SIGGRAPH 2001, and the block subdivision of Vanegas et al., Eurographics 2012. Blocks
+are convex polygons on a chart. A new street keeps its distance from other junctions or runs into one of them;
+angles between streets are checked in the world. Dead ends and roundabouts follow.
 """
 
 from dataclasses import dataclass
@@ -9,71 +10,125 @@ from dataclasses import dataclass
 import numpy as np
 
 from echoscape.scenes.geometry.curves import Line
-from echoscape.scenes.roads.street_network import Chart, Growth, Network, Street, StreetType, chart_street
+from echoscape.scenes.roads.chart import Chart, chart_street
+from echoscape.scenes.roads.street_network import (
+    AVENUE,
+    NARROW,
+    PLAIN,
+    STREET,
+    Network,
+    Street,
+    StreetType,
+)
 
 SMALLEST_ANGLE_RAD = np.deg2rad(56.0)
 
 
-def grown_network(growth: Growth, *, rng: np.random.Generator) -> Network:
-    """Return an irregular street network about the origin."""
-    chart = Chart(growth, rng=rng)
-    plan = _Plan(growth, chart)
-    _split_all(plan, growth, rng)
-    _remove_some(plan, growth, rng)
-    _add_spurs(plan, growth, rng)
-    return _network(plan, growth, rng)
+@dataclass(frozen=True, kw_only=True)
+class SubdivisionSettings:
+    """Settings of a subdivided street network.
+
+    Attributes:
+        half_size_m: Half the size of the network in x and y [m].
+        block_m2: Typical area below which blocks are not split [m^2].
+        swirl_rad: Swirl of the chart [rad], see `Chart`.
+        shear: Shear of the chart.
+        wave_m: Wavelength of the chart's shear waves [m].
+        bow: Greatest sideways bow of a street as a share of its length.
+        spur_share: Share of blocks with a dead-end street.
+        removed_share: Share of streets that are removed again, as far as enough others meet at their ends.
+        roundabouts: Number of roundabouts.
+        types: Street types: of the outer ring, of the first splits, and those drawn for all later ones.
+        min_length_m: Least distance between junctions [m].
+    """
+
+    half_size_m: tuple[float, float] = (590.0, 560.0)
+    block_m2: float = 15500.0
+    swirl_rad: float = 0.6
+    shear: float = 0.35
+    wave_m: float = 600.0
+    bow: float = 0.03
+    spur_share: float = 0.15
+    removed_share: float = 0.10
+    roundabouts: int = 2
+    types: tuple[StreetType, ...] = (AVENUE, STREET, STREET, PLAIN, NARROW)
+    min_length_m: float = 52.0
+
+
+def subdivided_network(settings: SubdivisionSettings, *, rng: np.random.Generator) -> Network:
+    """Lay out an irregular street network about the origin.
+
+    Args:
+        settings: Settings of the network.
+        rng: Random generator.
+
+    Returns:
+        The network.
+    """
+    chart = Chart(
+        half_size_m=settings.half_size_m,
+        swirl_rad=settings.swirl_rad,
+        shear=settings.shear,
+        wave_m=settings.wave_m,
+        rng=rng,
+    )
+    plan = _StreetPlan(settings, chart)
+    _split_all(plan, settings, rng)
+    _remove_some(plan, settings, rng)
+    _add_spurs(plan, settings, rng)
+    return _network(plan, settings, rng)
 
 
 @dataclass(frozen=True)
-class _Hit:
-    """Where a new street meets a block's rim: at the corner `node`, or at `place` between two corners."""
+class _Crossing:
+    """Where a new street meets the boundary of a block: at corner `node`, or at `place` on an edge."""
 
     place: Line
     node: int | None
     edge: tuple[int, int]
 
 
-class _Plan:
-    """Nodes, edges (with the number of the street they are of) and block rims, on the chart.
+class _StreetPlan:
+    """Nodes, edges with the index of their street, and the boundaries of the blocks, on the chart.
 
-    `depths` holds for each street how many splits came before its own; the rim is street 0.
+    `depths` holds for each street the number of splits before it; street 0 is the outer ring.
     """
 
-    def __init__(self, growth: Growth, chart: Chart) -> None:
+    def __init__(self, settings: SubdivisionSettings, chart: Chart) -> None:
         self.chart = chart
-        self.growth = growth
-        self.nodes: list[Line] = list(_outline(growth))
+        self.settings = settings
+        self.nodes: list[Line] = list(_outline(settings))
         count = len(self.nodes)
         self.edges: dict[tuple[int, int], int] = {_key(i, (i + 1) % count): 0 for i in range(count)}
         self.depths: list[int] = [1]
         self.faces: list[list[int]] = [list(range(count))]
 
     def world(self, first: Line, second: Line) -> Line:
-        """Return a coarse (9, 2) line of the street between two chart points."""
+        """Return a coarse line (9, 2) [m] of the street between two chart points."""
         return self.chart(first + np.linspace(0, 1, 9)[:, None] * (second - first))
 
     def length_m(self, first: Line, second: Line) -> float:
-        """Return the length in the world of the street between two chart points."""
+        """Return the length in the world of the street between two chart points [m]."""
         return float(np.hypot(*np.diff(self.world(first, second), axis=0).T).sum())
 
     def heading(self, node: Line, other: Line) -> float:
-        """Return the heading in the world of the street from `node` to `other`, at `node`."""
+        """Return the heading in the world at `node` of the street from `node` to `other` [rad]."""
         near = node + (other - node) * min(2.0 / float(np.linalg.norm(other - node)), 1.0)
         x, y = self.chart(near) - self.chart(node)
         return float(np.arctan2(y, x))
 
     def neighbours(self, node: int) -> list[int]:
-        """Return the nodes that streets join to `node`."""
+        """Return the nodes connected to `node`."""
         return [b if a == node else a for a, b in self.edges if node in (a, b)]
 
     def fits(self, node: int, toward: Line, *, smallest_rad: float = SMALLEST_ANGLE_RAD) -> bool:
-        """Tell whether a street from `node` to `toward` keeps its angle from those already there."""
+        """Return whether a street from `node` to `toward` keeps enough angle to the streets at that node."""
         heading = self.heading(self.nodes[node], toward)
         others = [self.heading(self.nodes[node], self.nodes[n]) for n in self.neighbours(node)]
         return len(others) < 4 and all(_apart(heading, other) > smallest_rad for other in others)
 
     def insert(self, edge: tuple[int, int], place: Line) -> int:
-        """Put a node at `place` on `edge` and return its number."""
+        """Put a node at `place` on `edge` and return its index."""
         node = len(self.nodes)
         self.nodes.append(place)
         street = self.edges.pop(_key(*edge))
@@ -87,32 +142,36 @@ class _Plan:
 
 
 def _key(first: int, second: int) -> tuple[int, int]:
+    """Return the key of an edge: its nodes in ascending order."""
     return min(first, second), max(first, second)
 
 
 def _apart(first: float, second: float) -> float:
+    """Return the absolute difference of two angles [rad]."""
     return abs((first - second + np.pi) % (2 * np.pi) - np.pi)
 
 
-def _outline(growth: Growth) -> Line:
-    """Return the (10, 2) corners of the town's rim, a superellipse."""
+def _outline(settings: SubdivisionSettings) -> Line:
+    """Return the corners of the outer ring (10, 2) [m], a superellipse."""
     angle = np.linspace(0, 2 * np.pi, 10, endpoint=False) + 0.2
     cos, sin = np.cos(angle), np.sin(angle)
     radius = (np.abs(cos) ** 3.0 + np.abs(sin) ** 3.0) ** (-1 / 3.0)
-    return np.stack([cos, sin], axis=-1) * radius[:, None] * growth.half_size_m
+    return np.stack([cos, sin], axis=-1) * radius[:, None] * settings.half_size_m
 
 
 def _area(points: Line) -> float:
+    """Return the signed area of a polygon [m^2]."""
     x, y = points.T
     return float(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
-def _split_all(plan: _Plan, growth: Growth, rng: np.random.Generator) -> None:
+def _split_all(plan: _StreetPlan, settings: SubdivisionSettings, rng: np.random.Generator) -> None:
+    """Split blocks until they are small."""
     waiting = [(plan.faces[0], 0)]
     while waiting:
         face, depth = waiting.pop(0)
         points = np.array([plan.nodes[n] for n in face])
-        if _area(points) < growth.block_m2 * rng.uniform(0.7, 2.6):
+        if _area(points) < settings.block_m2 * rng.uniform(0.7, 2.6):
             continue
         for attempt in range(60):
             halves = _split(plan, face, depth, attempt, rng)
@@ -122,28 +181,28 @@ def _split_all(plan: _Plan, growth: Growth, rng: np.random.Generator) -> None:
 
 
 def _split(
-    plan: _Plan, face: list[int], depth: int, attempt: int, rng: np.random.Generator
+    plan: _StreetPlan, face: list[int], depth: int, attempt: int, rng: np.random.Generator
 ) -> list[list[int]] | None:
-    """Split one block by a street, or return None where it would come too near to another.
+    """Split a block by a street; None where the street would come too near to another.
 
-    Later attempts stray more from the middle and from the square.
+    Later attempts deviate more from the middle and from the perpendicular.
     """
     points = np.array([plan.nodes[n] for n in face])
     centre = points.mean(axis=0)
     _, axes = np.linalg.eigh(np.cov((points - centre).T))
     long, across = (axes[:, 1], axes[:, 0]) if attempt % 4 < 3 else (axes[:, 0], axes[:, 1])
-    stray = 0.15 * min(attempt / 30, 1.0)
+    spread = 0.15 * min(attempt / 30, 1.0)
     reach = (points - centre) @ long
-    through = centre + long * (reach.min() + rng.uniform(0.36 - stray, 0.64 + stray) * np.ptp(reach))
-    angle = rng.normal(0.0, 0.16 + 2 * stray)
+    through = centre + long * (reach.min() + rng.uniform(0.36 - spread, 0.64 + spread) * np.ptp(reach))
+    angle = rng.normal(0.0, 0.16 + 2 * spread)
     direction = across * np.cos(angle) + long * np.sin(angle)
-    hits = _crossings(plan, face, through, direction)
-    if len(hits) != 2:
+    crossings = _crossings(plan, face, through, direction)
+    if len(crossings) != 2:
         return None
-    ends = [plan.nodes[h.node] if h.node is not None else h.place for h in hits]
-    if plan.length_m(ends[0], ends[1]) < plan.growth.shortest_m or not _acceptable(plan, hits, ends):
+    ends = [plan.nodes[h.node] if h.node is not None else h.place for h in crossings]
+    if plan.length_m(ends[0], ends[1]) < plan.settings.min_length_m or not _acceptable(plan, crossings, ends):
         return None
-    first, second = (h.node if h.node is not None else plan.insert(h.edge, h.place) for h in hits)
+    first, second = (h.node if h.node is not None else plan.insert(h.edge, h.place) for h in crossings)
     i, j = sorted((face.index(first), face.index(second)))
     halves = [face[i : j + 1], face[j:] + face[: i + 1]]
     plan.faces.remove(face)
@@ -153,9 +212,9 @@ def _split(
     return halves
 
 
-def _crossings(plan: _Plan, face: list[int], through: Line, direction: Line) -> list[_Hit]:
-    """Return where a line crosses the rim of a block, moved to a corner that is too near."""
-    hits: list[_Hit] = []
+def _crossings(plan: _StreetPlan, face: list[int], through: Line, direction: Line) -> list[_Crossing]:
+    """Return where a line crosses the boundary of a block; a crossing near a corner is moved to it."""
+    crossings: list[_Crossing] = []
     for a, b in zip(face, face[1:] + face[:1], strict=True):
         first, second = plan.nodes[a], plan.nodes[b]
         matrix = np.stack([second - first, -direction], axis=-1)
@@ -165,17 +224,18 @@ def _crossings(plan: _Plan, face: list[int], through: Line, direction: Line) -> 
         if not 0.0 <= share < 1.0:
             continue
         place = first + share * (second - first)
-        near = [n for n in (a, b) if plan.length_m(plan.nodes[n], place) < plan.growth.shortest_m]
+        near = [n for n in (a, b) if plan.length_m(plan.nodes[n], place) < plan.settings.min_length_m]
         node = min(near, key=lambda n: float(np.linalg.norm(plan.nodes[n] - place))) if near else None
-        hits.append(_Hit(place, node, (a, b)))
-    return hits
+        crossings.append(_Crossing(place, node, (a, b)))
+    return crossings
 
 
-def _acceptable(plan: _Plan, hits: list[_Hit], ends: list[Line]) -> bool:
-    corners = [hit.node for hit in hits if hit.node is not None]
+def _acceptable(plan: _StreetPlan, crossings: list[_Crossing], ends: list[Line]) -> bool:
+    """Return whether a street between two crossings keeps enough angle to the others."""
+    corners = [hit.node for hit in crossings if hit.node is not None]
     if len(corners) == 2 and (corners[0] == corners[1] or _key(*corners) in plan.edges):
         return False
-    for i, hit in enumerate(hits):
+    for i, hit in enumerate(crossings):
         toward = ends[-1 - i]
         if hit.node is not None:
             if not plan.fits(hit.node, toward):
@@ -188,21 +248,21 @@ def _acceptable(plan: _Plan, hits: list[_Hit], ends: list[Line]) -> bool:
     return True
 
 
-def _remove_some(plan: _Plan, growth: Growth, rng: np.random.Generator) -> None:
-    """Take streets away that were made late, where three or more others meet at both ends."""
+def _remove_some(plan: _StreetPlan, settings: SubdivisionSettings, rng: np.random.Generator) -> None:
+    """Remove streets of late splits at whose ends at least three others meet."""
     keys = sorted(plan.edges)
     late = max(plan.depths) // 2
-    for index in rng.permutation(len(keys))[: int(growth.removed * 2 * len(keys))]:
+    for index in rng.permutation(len(keys))[: int(settings.removed_share * 2 * len(keys))]:
         edge = keys[index]
         busy = all(len(plan.neighbours(n)) >= 4 for n in edge)
         if busy and plan.depths[plan.edges[edge]] > late:
             del plan.edges[edge]
 
 
-def _add_spurs(plan: _Plan, growth: Growth, rng: np.random.Generator) -> None:
-    """Lead dead ends from a long side of some blocks to their middle."""
+def _add_spurs(plan: _StreetPlan, settings: SubdivisionSettings, rng: np.random.Generator) -> None:
+    """Add dead-end streets from a long side of some blocks to their middle."""
     for face in list(plan.faces):
-        if rng.random() >= growth.spurs:
+        if rng.random() >= settings.spur_share:
             continue
         points = np.array([plan.nodes[n] for n in face])
         sides = [(a, b) for a, b in zip(face, face[1:] + face[:1], strict=True) if _key(a, b) in plan.edges]
@@ -212,48 +272,50 @@ def _add_spurs(plan: _Plan, growth: Growth, rng: np.random.Generator) -> None:
         first, second = (plan.nodes[n] for n in side)
         foot = first + rng.uniform(0.45, 0.55) * (second - first)
         tip = points.mean(axis=0)
-        if _hit_is_free(plan, foot, side, tip):
+        if _spur_fits(plan, foot, side, tip):
             node = plan.insert(side, foot)
             plan.nodes.append(tip)
             plan.edges[_key(node, len(plan.nodes) - 1)] = len(plan.depths)
             plan.depths.append(99)
 
 
-def _hit_is_free(plan: _Plan, foot: Line, side: tuple[int, int], tip: Line) -> bool:
+def _spur_fits(plan: _StreetPlan, foot: Line, side: tuple[int, int], tip: Line) -> bool:
+    """Return whether a dead-end street has enough space, length and angle."""
     room = min(plan.length_m(foot, plan.nodes[n]) for n in side)
     length = plan.length_m(foot, tip)
-    square = _acceptable(plan, [_Hit(foot, None, side)], [foot, tip]) if room > 0 else False
-    return room > plan.growth.shortest_m and 50.0 < length < 170.0 and square
+    square = _acceptable(plan, [_Crossing(foot, None, side)], [foot, tip]) if room > 0 else False
+    return room > plan.settings.min_length_m and 50.0 < length < 170.0 and square
 
 
-def _network(plan: _Plan, growth: Growth, rng: np.random.Generator) -> Network:
+def _network(plan: _StreetPlan, settings: SubdivisionSettings, rng: np.random.Generator) -> Network:
+    """Return the network of a finished plan."""
     used = sorted({n for edge in plan.edges for n in edge})
     number = {node: i for i, node in enumerate(used)}
-    types = [_type(depth, growth, rng) for depth in plan.depths]
+    types = [_type(depth, settings, rng) for depth in plan.depths]
     streets = []
     for (a, b), street in sorted(plan.edges.items()):
         dead = len(plan.neighbours(b)) == 1 or len(plan.neighbours(a)) == 1
-        bow = 0.0 if dead else float(rng.uniform(-1, 1)) * growth.bow
+        bow = 0.0 if dead else float(rng.uniform(-1, 1)) * settings.bow
         line = chart_street(plan.chart, plan.nodes[a], plan.nodes[b], bow=bow)
         streets.append(Street(start=number[a], end=number[b], line=line, type=types[street]))
     junctions = plan.chart(np.array([plan.nodes[n] for n in used]))
     network = Network(junctions=junctions, streets=tuple(streets))
     return Network(
-        junctions=junctions, streets=network.streets, roundabouts=_roundabouts(network, growth.roundabouts)
+        junctions=junctions, streets=network.streets, roundabouts=_roundabouts(network, settings.roundabouts)
     )
 
 
-def _type(depth: int, growth: Growth, rng: np.random.Generator) -> StreetType:
-    """Return the type of a street made by the split of that depth: the first are the widest."""
+def _type(depth: int, settings: SubdivisionSettings, rng: np.random.Generator) -> StreetType:
+    """Return the type of a street that was added at `depth`; the first ones are the widest."""
     if depth == 0:
-        return growth.types[0]
+        return settings.types[0]
     if depth <= 2:
-        return growth.types[1]
-    return growth.types[2:][int(rng.integers(len(growth.types) - 2))]
+        return settings.types[1]
+    return settings.types[2:][int(rng.integers(len(settings.types) - 2))]
 
 
 def _roundabouts(network: Network, count: int) -> frozenset[int]:
-    """Return the junctions whose arms leave the most room, apart from each other."""
+    """Choose the junctions best suited for roundabouts, at least 250 m apart."""
     chosen: list[int] = []
     rated = sorted(((_roominess(network, j), j) for j in range(len(network.junctions))), reverse=True)
     for _, junction in rated:
@@ -264,7 +326,7 @@ def _roundabouts(network: Network, count: int) -> frozenset[int]:
 
 
 def _roominess(network: Network, junction: int) -> float:
-    """Rate a junction as the place of a roundabout: many arms, wide angles, long streets, near the middle."""
+    """Rate a junction as a roundabout: many arms, wide angles, long streets, near the middle."""
     arms = network.arms(junction)
     if len(arms) < 3:
         return -1e6

@@ -16,19 +16,19 @@ from echoscape.scenes.roads.ground_mesh import (
     KERB_WIDTH_M,
     Ground,
     flat,
+    footpath_lines,
+    footpath_strips,
     ground_plan,
     kerb_runs,
     rings,
-    walking_lines,
-    walking_strips,
 )
-from echoscape.scenes.roads.junctions import Room, road_graph
+from echoscape.scenes.roads.junctions import TrimLengths, road_graph
 from echoscape.scenes.roads.motorway import motorway
 from echoscape.scenes.roads.rural import country_roads, straight_road
 from echoscape.scenes.roads.street_network import Network
-from echoscape.scenes.roads.subdivision import grown_network
+from echoscape.scenes.roads.subdivision import subdivided_network
 from echoscape.scenes.town.land_use import blocks_of, fill_blocks
-from echoscape.scenes.town.placement import Assembly, Taken
+from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
 from echoscape.scenes.town.presets import PRESETS, Preset
 from echoscape.scenes.town.roadside import dress_country, dress_motorway
 from echoscape.scenes.town.streetscape import dress_streets
@@ -39,53 +39,53 @@ def build_town(preset: str = "town", *, seed: int) -> Scene:
     if preset not in PRESETS:
         raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {preset!r}")
     settings = PRESETS[preset]
-    assembly = Assembly((*vehicle_prototypes(), *furniture_prototypes(), *tree_prototypes()))
+    builder = SceneBuilder((*vehicle_prototypes(), *furniture_prototypes(), *tree_prototypes()))
     if settings.layout == "motorway":
-        roads, ground = _motorway(assembly, settings, seed)
+        roads, ground = _motorway(builder, settings, seed)
     else:
-        roads, ground = _streets(assembly, settings, seed)
+        roads, ground = _streets(builder, settings, seed)
     x0, y0, x1, y1 = (float(value) for value in ground.land.bounds)
     return Scene(
         preset=preset,
         seed=seed,
-        static=assembly.static(),
-        prototypes=assembly.prototypes,
-        placements=assembly.placements(),
-        instance_class=assembly.instance_class(),
+        static=builder.static(),
+        prototypes=builder.prototypes,
+        placements=builder.placements(),
+        instance_class=builder.instance_class(),
         roads=roads,
         bounds_m=(x0, y0, x1, y1),
     )
 
 
-def road_network(settings: Preset, *, seed: int) -> tuple[Network, RoadGraph, Room]:
+def road_network(settings: Preset, *, seed: int) -> tuple[Network, RoadGraph, TrimLengths]:
     """Return the streets of a preset without a motorway, their lanes, and how far streets are cut back."""
     network = _network(settings, np.random.default_rng(_stage(seed, 0)))
-    roads, room = road_graph(network)
-    return network, roads, room
+    roads, trims = road_graph(network)
+    return network, roads, trims
 
 
-def _streets(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
+def _streets(builder: SceneBuilder, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
     """Lay streets and put everything on and beside them."""
-    network, roads, room = road_network(settings, seed=seed)
-    ground = ground_plan(network, roads, room, margin_m=settings.margin_m)
-    walks = walking_lines(ground)
-    taken = Taken()
-    for strip in walking_strips(walks):
-        taken.add(strip)
-    lay_ground(assembly, ground, settings)
-    dress_streets(assembly, taken, network, room, ground, settings, seeds=_stage(seed, 2))
+    network, roads, trims = road_network(settings, seed=seed)
+    ground = ground_plan(network, roads, trims, margin_m=settings.margin_m)
+    walks = footpath_lines(ground)
+    occupied = OccupiedArea()
+    for strip in footpath_strips(walks):
+        occupied.add(strip)
+    lay_ground(builder, ground, settings)
+    dress_streets(builder, occupied, network, trims, ground, settings, seeds=_stage(seed, 2))
     if settings.uses:
-        fill_blocks(assembly, taken, ground, network, settings, seeds=_stage(seed, 1))
+        fill_blocks(builder, occupied, ground, network, settings, seeds=_stage(seed, 1))
     if settings.layout == "country":
-        dress_country(assembly, taken, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
-    return replace(roads, walks=walks, kerbs=tuple(rings(ground.carriageway))), ground
+        dress_country(builder, occupied, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
+    return replace(roads, footpaths=walks, kerbs=tuple(rings(ground.carriageway))), ground
 
 
-def _motorway(assembly: Assembly, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
+def _motorway(builder: SceneBuilder, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
     """Lay a motorway and put everything beside it."""
     way = motorway(rng=np.random.default_rng(_stage(seed, 0)), margin_m=settings.margin_m)
-    lay_ground(assembly, way.ground, settings)
-    dress_motorway(assembly, Taken(), way, rng=np.random.default_rng(_stage(seed, 3)))
+    lay_ground(builder, way.ground, settings)
+    dress_motorway(builder, OccupiedArea(), way, rng=np.random.default_rng(_stage(seed, 3)))
     return replace(way.roads, kerbs=tuple(rings(way.ground.carriageway))), way.ground
 
 
@@ -95,27 +95,27 @@ def _stage(seed: int, stage: int) -> np.random.SeedSequence:
 
 def _network(settings: Preset, rng: np.random.Generator) -> Network:
     """Return the streets of a preset."""
-    if settings.growth is not None:
-        return grown_network(settings.growth, rng=rng)
+    if settings.subdivision is not None:
+        return subdivided_network(settings.subdivision, rng=rng)
     return country_roads(rng=rng) if settings.layout == "country" else straight_road()
 
 
-def lay_ground(assembly: Assembly, ground: Ground, settings: Preset) -> None:
+def lay_ground(builder: SceneBuilder, ground: Ground, settings: Preset) -> None:
     """Add carriageways, kerbs, pavements and the soil of every block, each an object of its own."""
     high = settings.kerb_height_m
     for piece in (*ground.streets, *ground.crossings):
         surface = flat(piece, 0.0)
         if surface is not None:
-            assembly.add("road", {"asphalt": surface})
+            builder.add("road", {"asphalt": surface})
     inner = ground.carriageway
     if high > 0:
         for run in kerb_runs(ground.carriageway, height_m=high):
-            assembly.add("kerb", {"paving": run})
+            builder.add("kerb", {"paving": run})
         inner = ground.carriageway.buffer(KERB_WIDTH_M, join_style="mitre", mitre_limit=2.0)
     paved = flat(ground.corridor.difference(inner), high)
     if paved is not None:
-        assembly.add("pavement", {"paving": paved})
+        builder.add("pavement", {"paving": paved})
     for block in blocks_of(ground):
         soil = flat(block, high)
         if soil is not None:
-            assembly.add("ground", {"soil": soil})
+            builder.add("ground", {"soil": soil})

@@ -11,25 +11,18 @@ from shapely.geometry.base import BaseGeometry
 from echoscape.scenes.geometry.curves import Line, points_at
 from echoscape.scenes.roads.ground_mesh import Ground, polygons
 from echoscape.scenes.roads.street_network import Network
-from echoscape.scenes.town import open_spaces as openland
-from echoscape.scenes.town.parcels import (
-    RULES,
-    Parcel,
-    bound_front,
-    bound_gardens,
-    build_along,
-    frontages,
-    plant,
-)
-from echoscape.scenes.town.placement import Assembly, Taken
-from echoscape.scenes.town.presets import Preset, Use
+from echoscape.scenes.town.gardens import enclose_front, enclose_gardens, plant_garden
+from echoscape.scenes.town.open_spaces import lay_car_park, lay_park, lay_square, lay_yard
+from echoscape.scenes.town.parcels import CityBlock, build_along, frontages
+from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
+from echoscape.scenes.town.presets import PARCEL_RULES, Preset, Use
 
 _SMALLEST_M2 = 500.0
 
 
 def fill_blocks(
-    assembly: Assembly,
-    taken: Taken,
+    builder: SceneBuilder,
+    occupied: OccupiedArea,
     ground: Ground,
     network: Network,
     preset: Preset,
@@ -50,8 +43,10 @@ def fill_blocks(
         rng = np.random.default_rng(child)
         if number in uses:
             reach = shapely.maximum_inscribed_circle(blocks[number]).length
-            plot = Parcel(block=blocks[number], taken=taken, base_m=preset.kerb_height_m, reach_m=reach)
-            _fill(assembly, plot, uses[number], ground, avenues, preset, rng)
+            block = CityBlock(
+                outline=blocks[number], occupied=occupied, base_m=preset.kerb_height_m, inradius_m=reach
+            )
+            _fill(builder, block, uses[number], ground, avenues, preset, rng)
     return uses
 
 
@@ -86,8 +81,8 @@ def _uses(
 
 
 def _fill(
-    assembly: Assembly,
-    plot: Parcel,
+    builder: SceneBuilder,
+    block: CityBlock,
     use: Use,
     ground: Ground,
     avenues: BaseGeometry,
@@ -96,43 +91,43 @@ def _fill(
 ) -> None:
     """Build on one block."""
     if use == "park":
-        openland.lay_park(assembly, plot, rng=rng)
+        lay_park(builder, block, rng=rng)
     elif use == "square":
-        openland.lay_square(assembly, plot, rng=rng)
+        lay_square(builder, block, rng=rng)
     elif use == "car_park":
-        openland.lay_car_park(assembly, plot, taken_share=0.8 * preset.parked, rng=rng)
+        lay_car_park(builder, block, filled_share=0.8 * preset.parked, rng=rng)
     elif use == "yard":
-        openland.lay_yard(assembly, plot, rng=rng)
+        lay_yard(builder, block, rng=rng)
     else:
-        _build_up(assembly, plot, use, ground, avenues, rng)
+        _build_up(builder, block, use, ground, avenues, rng)
 
 
 def _build_up(
-    assembly: Assembly,
-    plot: Parcel,
+    builder: SceneBuilder,
+    block: CityBlock,
     use: Use,
     ground: Ground,
     avenues: BaseGeometry,
     rng: np.random.Generator,
 ) -> None:
-    sides = sorted(frontages(plot.block, ground.corridor), key=lambda side: -len(side))
-    if plot.block.interiors:  # the town's edge: not all of it is built on
+    sides = sorted(frontages(block.outline, ground.corridor), key=lambda side: -len(side))
+    if block.outline.interiors:  # the town's edge: not all of it is built on
         sides = [side for side in sides if rng.random() < 0.35]
     kinds = [_side_use(side, use, avenues) for side in sides]
     gardens: list[tuple[Polygon, str]] = []
     for side, kind in zip(sides, kinds, strict=True):
-        gardens += [(g, kind) for g in build_along(assembly, side, RULES[kind], plot, rng=rng)]
+        gardens += [(g, kind) for g in build_along(builder, side, PARCEL_RULES[kind], block, rng=rng)]
     for side, kind in zip(sides, kinds, strict=True):
-        bound_front(assembly, side, RULES[kind], plot, rng=rng)
+        enclose_front(builder, side, PARCEL_RULES[kind], block, rng=rng)
     for kind in dict.fromkeys(kinds):
         mine = [garden for garden, other in gardens if other == kind]
-        bound_gardens(assembly, mine, RULES[kind], plot, rng=rng)
+        enclose_gardens(builder, mine, PARCEL_RULES[kind], block, rng=rng)
     if use == "flats":
-        openland.lay_car_park(assembly, plot, taken_share=0.15, rng=rng, inset_m=24.0)
+        lay_car_park(builder, block, filled_share=0.15, rng=rng, inset_m=24.0)
     if use == "works":
-        openland.lay_yard(assembly, plot, rng=rng, density=0.5)
+        lay_yard(builder, block, rng=rng, density=0.5)
     for garden, kind in gardens:
-        plant(assembly, garden, plot, chance=0.35 if kind == "houses" else 0.12, rng=rng)
+        plant_garden(builder, garden, block, chance=0.35 if kind == "houses" else 0.12, rng=rng)
 
 
 def _side_use(side: Line, use: Use, avenues: BaseGeometry) -> str:

@@ -6,60 +6,68 @@ from numpy.typing import NDArray
 from shapely.geometry import LineString, Point, Polygon
 
 from echoscape.scenes.geometry.curves import Line, arc_length, headings, points_at, resampled
-from echoscape.scenes.town.parcels import Parcel, put_boundary, put_vehicle
-from echoscape.scenes.town.placement import Assembly, rectangle
+from echoscape.scenes.town.gardens import add_boundary, park_vehicle
+from echoscape.scenes.town.parcels import CityBlock
+from echoscape.scenes.town.placement import SceneBuilder, rectangle
 
 CARS: tuple[str, ...] = ("car_hatchback", "car_saloon", "car_estate", "car_suv", "van_small")
 _MOST_CARS = 35
 PARK_TREES: tuple[str, ...] = ("tree_broadleaf", "tree_tall", "tree_spreading", "tree_conifer", "tree_shrub")
 
 
-def lay_park(assembly: Assembly, plot: Parcel, *, rng: np.random.Generator) -> None:
+def lay_park(builder: SceneBuilder, block: CityBlock, *, rng: np.random.Generator) -> None:
     """Plant a park, with a railing or hedge about it that has gates, and benches."""
     kind = str(rng.choice(["railing", "hedge"]))
-    for rim in _rims(plot.block, 0.8):
+    for rim in _rims(block.outline, 0.8):
         place, length = 0.0, arc_length(rim)[-1]
         while place < length - 6.0:
             stop = min(place + rng.uniform(25.0, 50.0), length - 2.0)
             line = LineString(points_at(rim, np.linspace(place, stop, 8)))
-            put_boundary(assembly, line, kind, plot, rng=rng, height_m=1.2)
+            add_boundary(builder, line, kind, block, rng=rng, height_m=1.2)
             place = stop + rng.uniform(2.0, 4.0)
-    scatter_trees(assembly, plot, spacing_m=15.0, names=PARK_TREES, rng=rng)
-    _furnish(assembly, plot, inset_m=5.0, spacing_m=40.0, names=("bench", "bin_round"), rng=rng)
+    scatter_trees(builder, block, spacing_m=15.0, names=PARK_TREES, rng=rng)
+    _furnish(builder, block, inset_m=5.0, spacing_m=40.0, names=("bench", "bin_round"), rng=rng)
 
 
-def lay_square(assembly: Assembly, plot: Parcel, *, rng: np.random.Generator) -> None:
+def lay_square(builder: SceneBuilder, block: CityBlock, *, rng: np.random.Generator) -> None:
     """Line a square with bollards and trees, with benches and lanterns inside."""
-    _furnish(assembly, plot, inset_m=0.8, spacing_m=3.2, names=("bollard_metal",), rng=rng)
-    _furnish(assembly, plot, inset_m=4.5, spacing_m=9.0, names=("tree_broadleaf", "tree_street"), rng=rng)
+    _furnish(builder, block, inset_m=0.8, spacing_m=3.2, names=("bollard_metal",), rng=rng)
+    _furnish(builder, block, inset_m=4.5, spacing_m=9.0, names=("tree_broadleaf", "tree_street"), rng=rng)
     _furnish(
-        assembly, plot, inset_m=8.0, spacing_m=14.0, names=("bench", "lamp_lantern", "bin_round"), rng=rng
+        builder, block, inset_m=8.0, spacing_m=14.0, names=("bench", "lamp_lantern", "bin_round"), rng=rng
     )
 
 
 def lay_car_park(
-    assembly: Assembly, plot: Parcel, *, taken_share: float, rng: np.random.Generator, inset_m: float = 3.0
+    builder: SceneBuilder,
+    block: CityBlock,
+    *,
+    filled_share: float,
+    rng: np.random.Generator,
+    inset_m: float = 3.0,
 ) -> None:
     """Park cars in rows across the longer side of the block's inside."""
-    inside = plot.block.buffer(-inset_m)
+    inside = block.outline.buffer(-inset_m)
     if inside.is_empty:
         return
     origin, along, across, size = _frame(inside)
-    taken_share = min(taken_share, _MOST_CARS * 20.0 / inside.area)  # a car and its aisle need some 20 m2
+    filled_share = min(filled_share, _MOST_CARS * 20.0 / inside.area)  # a car and its aisle need some 20 m2
     for row, y in enumerate(np.arange(4.0, size[1] - 3.0, 8.2)):
         for x in np.arange(3.0, size[0] - 3.0, 2.6):
             place = origin + x * along + y * across
-            if rng.random() < taken_share and inside.contains(Point(place).buffer(2.6)):
+            if rng.random() < filled_share and inside.contains(Point(place).buffer(2.6)):
                 yaw = float(np.arctan2(across[1], across[0])) + np.pi * (rng.random() < 0.5)
-                put_vehicle(assembly, str(rng.choice(CARS)), place, plot, yaw_rad=yaw)
+                park_vehicle(builder, str(rng.choice(CARS)), place, block, yaw_rad=yaw)
             foot = place + 4.1 * across
             if row % 2 == 0 and rng.random() < 0.02 and inside.contains(Point(foot)):
-                _stand(assembly, plot, "lamp_arm", foot, rng)
+                _stand(builder, block, "lamp_arm", foot, rng)
 
 
-def lay_yard(assembly: Assembly, plot: Parcel, *, rng: np.random.Generator, density: float = 1.0) -> None:
+def lay_yard(
+    builder: SceneBuilder, block: CityBlock, *, rng: np.random.Generator, density: float = 1.0
+) -> None:
     """Fill free ground with containers, some stacked, tanks and parked trucks."""
-    inside = plot.block.buffer(-4.0)
+    inside = block.outline.buffer(-4.0)
     if inside.is_empty:
         return
     origin, along, across, size = _frame(inside)
@@ -76,17 +84,17 @@ def lay_yard(assembly: Assembly, plot: Parcel, *, rng: np.random.Generator, dens
         for x in np.arange(8.0, size[0], 15.0):
             place = origin + x * along + y * across + rng.uniform(-0.5, 0.5, 2)
             name = str(rng.choice(names, p=[0.28, 0.22, 0.16, 0.08, 0.14, 0.12]))
-            length, width, height = assembly[name].extent_m
+            length, width, height = builder[name].extent_m
             shape = rectangle(place, yaw, length + 1.0, width + 0.6)
-            if rng.random() < 0.3 * density and inside.contains(shape) and plot.taken.claim(shape):
-                assembly.place(name, place, base_m=plot.base_m, yaw_rad=yaw)
+            if rng.random() < 0.3 * density and inside.contains(shape) and block.occupied.claim(shape):
+                builder.place(name, place, base_m=block.base_m, yaw_rad=yaw)
                 if name.startswith("container") and rng.random() < 0.4:
-                    assembly.place(name, place, base_m=plot.base_m + height, yaw_rad=yaw)
+                    builder.place(name, place, base_m=block.base_m + height, yaw_rad=yaw)
 
 
 def scatter_trees(
-    assembly: Assembly,
-    plot: Parcel,
+    builder: SceneBuilder,
+    block: CityBlock,
     *,
     spacing_m: float,
     names: tuple[str, ...],
@@ -94,20 +102,20 @@ def scatter_trees(
     inset_m: float = 5.0,
 ) -> None:
     """Plant trees at random, about one each `spacing_m` square, none nearer than a third of it to another."""
-    inside = plot.block.buffer(-inset_m)
+    inside = block.outline.buffer(-inset_m)
     if inside.is_empty:
         return
     low, high = np.array(inside.bounds[:2]), np.array(inside.bounds[2:])
     places = low + rng.uniform(0, 1, (int(np.prod(high - low) / spacing_m**2), 2)) * (high - low)
     for place in places[shapely.contains_xy(inside, places)]:
-        if plot.taken.claim(Point(place).buffer(spacing_m / 6)):
+        if block.occupied.claim(Point(place).buffer(spacing_m / 6)):
             scale, yaw = rng.uniform(0.75, 1.3), rng.uniform(0, 2 * np.pi)
-            assembly.place(str(rng.choice(names)), place, base_m=plot.base_m, yaw_rad=yaw, scale=scale)
+            builder.place(str(rng.choice(names)), place, base_m=block.base_m, yaw_rad=yaw, scale=scale)
 
 
 def _furnish(
-    assembly: Assembly,
-    plot: Parcel,
+    builder: SceneBuilder,
+    block: CityBlock,
     *,
     inset_m: float,
     spacing_m: float,
@@ -115,18 +123,18 @@ def _furnish(
     rng: np.random.Generator,
 ) -> None:
     """Put things in turn on a line round the block, facing its middle."""
-    for rim in _rims(plot.block, inset_m):
+    for rim in _rims(block.outline, inset_m):
         yaw = headings(rim) + np.pi / 2
         along = arc_length(rim)
         for number, distance in enumerate(np.arange(spacing_m / 2, along[-1], spacing_m)):
             place = points_at(rim, np.array([distance]))[0]
             name = names[number % len(names)]
-            _stand(assembly, plot, name, place, rng, yaw_rad=float(np.interp(distance, along, yaw)))
+            _stand(builder, block, name, place, rng, yaw_rad=float(np.interp(distance, along, yaw)))
 
 
 def _stand(
-    assembly: Assembly,
-    plot: Parcel,
+    builder: SceneBuilder,
+    block: CityBlock,
     name: str,
     place: NDArray[np.float64],
     rng: np.random.Generator,
@@ -134,8 +142,8 @@ def _stand(
     yaw_rad: float | None = None,
 ) -> None:
     yaw = float(rng.uniform(0, 2 * np.pi)) if yaw_rad is None else yaw_rad
-    if plot.taken.claim(Point(place).buffer(0.6)):
-        assembly.place(name, place, base_m=plot.base_m, yaw_rad=yaw)
+    if block.occupied.claim(Point(place).buffer(0.6)):
+        builder.place(name, place, base_m=block.base_m, yaw_rad=yaw)
 
 
 def _rims(block: Polygon, inset_m: float) -> list[Line]:

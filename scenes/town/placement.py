@@ -1,6 +1,6 @@
 """Gathers the objects of a town: gives each its instance id, merges what stands still, lists what is placed.
 
-It also keeps the plan of what is taken, so that nothing is put where something stands already.
+It also keeps the plan of what is occupied, so that nothing is put where something stands already.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from echoscape.scenes.core.scene import CLASSES, Mesh, Placements, Prototype, St
 _CELL_M = 12.0
 
 
-class Assembly:
+class SceneBuilder:
     """A town in the making."""
 
     def __init__(self, prototypes: tuple[Prototype, ...]) -> None:
@@ -84,19 +84,19 @@ def _merged(parts: list[tuple[Mesh, int]]) -> StaticMesh:
     )
 
 
-class Taken:
+class OccupiedArea:
     """The plan of what stands where: polygons in a grid of cells."""
 
     def __init__(self) -> None:
         self._cells: dict[tuple[int, int], list[BaseGeometry]] = {}
 
     def add(self, shape: BaseGeometry) -> None:
-        """Note that `shape` is taken."""
+        """Note that `shape` is occupied."""
         for cell in _cells(shape):
             self._cells.setdefault(cell, []).append(shape)
 
     def near(self, shape: BaseGeometry) -> list[BaseGeometry]:
-        """Return what is taken in the cells that `shape` touches."""
+        """Return what is occupied in the cells that `shape` touches."""
         found = {id(other): other for cell in _cells(shape) for other in self._cells.get(cell, ())}
         return list(found.values())
 

@@ -7,9 +7,11 @@ the kerb, ten to twenty metres from wall to wall.
 from dataclasses import dataclass
 from typing import Literal
 
-from echoscape.scenes.roads.street_network import AVENUE, ESTATE, NARROW, PLAIN, STREET, WORKS, Growth
+from echoscape.scenes.assets.buildings.building import Style
+from echoscape.scenes.roads.street_network import AVENUE, ESTATE, NARROW, PLAIN, STREET, WORKS
+from echoscape.scenes.roads.subdivision import SubdivisionSettings
 
-Layout = Literal["grown", "motorway", "country", "plain"]
+Layout = Literal["subdivided", "motorway", "country", "plain"]
 Use = Literal["terrace", "houses", "flats", "shops", "park", "square", "car_park", "works", "yard"]
 
 
@@ -18,13 +20,13 @@ class Preset:
     """The settings of a town.
 
     `uses` weighs what a block becomes; `kerb_height_m` is 0 where roads have no kerb; `margin_m` is what is
-    built on beyond the outermost streets; `parked` and `street_trees` are the shares of places taken,
+    built on beyond the outermost streets; `parked` and `street_trees` are the shares of places occupied,
     `trucks` that of trucks among the parked, `lamps_m` the distance between lamp posts.
     """
 
     name: str
     layout: Layout
-    growth: Growth | None = None
+    subdivision: SubdivisionSettings | None = None
     uses: tuple[tuple[Use, float], ...] = ()
     kerb_height_m: float = 0.12
     margin_m: float = 60.0
@@ -39,8 +41,8 @@ PRESETS: dict[str, Preset] = {
     for preset in (
         Preset(
             name="town",
-            layout="grown",
-            growth=Growth(),
+            layout="subdivided",
+            subdivision=SubdivisionSettings(),
             uses=(
                 ("terrace", 0.54),
                 ("houses", 0.12),
@@ -53,15 +55,15 @@ PRESETS: dict[str, Preset] = {
         ),
         Preset(
             name="suburb",
-            layout="grown",
-            growth=Growth(
+            layout="subdivided",
+            subdivision=SubdivisionSettings(
                 block_m2=15000.0,
                 swirl_rad=0.7,
                 shear=0.38,
                 wave_m=430.0,
                 bow=0.07,
-                spurs=0.6,
-                removed=0.15,
+                spur_share=0.6,
+                removed_share=0.15,
                 roundabouts=2,
                 types=(STREET, STREET, ESTATE, PLAIN, ESTATE, NARROW),
             ),
@@ -72,16 +74,16 @@ PRESETS: dict[str, Preset] = {
         ),
         Preset(
             name="industrial",
-            layout="grown",
-            growth=Growth(
+            layout="subdivided",
+            subdivision=SubdivisionSettings(
                 block_m2=26000.0,
                 swirl_rad=0.4,
                 shear=0.3,
                 bow=0.02,
-                spurs=0.25,
+                spur_share=0.25,
                 roundabouts=2,
                 types=(AVENUE, WORKS, WORKS, WORKS, PLAIN),
-                shortest_m=62.0,
+                min_length_m=62.0,
             ),
             uses=(("works", 0.72), ("yard", 0.16), ("car_park", 0.08), ("terrace", 0.04)),
             parked=0.3,
@@ -102,4 +104,81 @@ PRESETS: dict[str, Preset] = {
         ),
         Preset(name="empty", layout="plain", kerb_height_m=0.0, margin_m=0.0, parked=0.0, street_trees=0.0),
     )
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParcelRule:
+    """How a kind of building stands along a street; ranges are drawn from evenly, a row or a lot at a time.
+
+    `side_m` is left free beside each building, `gap` the chance of an alley after one; `front` names what
+    bounds the front garden ("" for none) and `back` the chance that gardens behind are fenced.
+    """
+
+    style: Style
+    width_m: tuple[float, float]
+    depth_m: tuple[float, float]
+    height_m: tuple[float, float]
+    setback_m: tuple[float, float]
+    side_gap_m: tuple[float, float] = (0.0, 0.0)
+    alley_chance: float = 0.0
+    alley_m: tuple[float, float] = (1.5, 4.0)
+    max_row: int = 1
+    front_boundaries: tuple[str, ...] = ("",)
+    back_fence_chance: float = 0.0
+
+
+PARCEL_RULES: dict[str, ParcelRule] = {
+    "terrace": ParcelRule(
+        style="terrace",
+        width_m=(9.0, 15.0),
+        depth_m=(8.5, 11.0),
+        height_m=(5.4, 9.0),
+        setback_m=(0.8, 3.2),
+        alley_chance=0.07,
+        max_row=7,
+        front_boundaries=("wall", "wall", "wall", "railing", "hedge", "", ""),
+        back_fence_chance=0.25,
+    ),
+    "shops": ParcelRule(
+        style="terrace",
+        width_m=(8.0, 14.0),
+        depth_m=(11.0, 14.0),
+        height_m=(8.5, 12.0),
+        setback_m=(0.8, 1.2),
+        alley_chance=0.05,
+        max_row=4,
+    ),
+    "houses": ParcelRule(
+        style="house",
+        width_m=(13.0, 20.0),
+        depth_m=(8.0, 10.0),
+        height_m=(4.8, 6.0),
+        setback_m=(4.5, 7.0),
+        side_gap_m=(1.5, 3.8),
+        alley_chance=0.3,
+        max_row=3,
+        front_boundaries=("hedge", "hedge", "wall", "boards", ""),
+        back_fence_chance=0.35,
+    ),
+    "flats": ParcelRule(
+        style="block",
+        width_m=(24.0, 44.0),
+        depth_m=(12.0, 15.0),
+        height_m=(9.0, 18.0),
+        setback_m=(2.5, 4.5),
+        side_gap_m=(2.0, 5.0),
+        max_row=2,
+        front_boundaries=("hedge", "railing", ""),
+    ),
+    "works": ParcelRule(
+        style="hall",
+        width_m=(38.0, 75.0),
+        depth_m=(24.0, 42.0),
+        height_m=(6.0, 11.0),
+        setback_m=(6.0, 14.0),
+        side_gap_m=(3.0, 9.0),
+        max_row=1,
+        front_boundaries=("chain_link", "chain_link", "wall", ""),
+    ),
 }

@@ -25,47 +25,54 @@ from echoscape.scenes.roads.ground_mesh import Ground
 from echoscape.scenes.roads.motorway import EDGE_M, Motorway
 from echoscape.scenes.roads.street_network import Network
 from echoscape.scenes.town.open_spaces import PARK_TREES
-from echoscape.scenes.town.placement import Assembly, Taken, rectangle
+from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder, rectangle
 
 
-def dress_motorway(assembly: Assembly, taken: Taken, way: Motorway, *, rng: np.random.Generator) -> None:
+def dress_motorway(
+    builder: SceneBuilder, occupied: OccupiedArea, way: Motorway, *, rng: np.random.Generator
+) -> None:
     """Put rails, walls, gantries, bridges, lamps and trees along a motorway."""
     length = float(arc_length(way.middle)[-1])
     for share in (0.1, 0.9):  # where no slip road runs beside the main line
-        _bridge(assembly, taken, way.middle, share * length)
+        _bridge(builder, occupied, way.middle, share * length)
     for share in (0.2, 0.47, 0.62, 0.8):
-        _gantry(assembly, way, (share + rng.uniform(-0.02, 0.02)) * length)
+        _gantry(builder, way, (share + rng.uniform(-0.02, 0.02)) * length)
     for aside in (-0.9, 0.9):
-        _rails(assembly, way.middle, way.ground, aside, inside=True)
+        _rails(builder, way.middle, way.ground, aside, inside=True)
     for aside in (-EDGE_M - 0.7, EDGE_M + 0.7):
-        _rails(assembly, way.middle, way.ground, aside, inside=False)
+        _rails(builder, way.middle, way.ground, aside, inside=False)
     for lane in way.roads.lanes:
         if lane.kind == "street" and lane.speed_limit_mps < 20:
-            _rails(assembly, lane.centre, way.ground, -3.6, inside=False)
+            _rails(builder, lane.centre, way.ground, -3.6, inside=False)
     for side in (-1.0, 1.0):
-        _noise_walls(assembly, taken, way, side)
-    _lamps(assembly, way, rng)
-    scatter(assembly, taken, way.ground, spacing_m=34.0, clear_m=7.0, rng=rng)
+        _noise_walls(builder, occupied, way, side)
+    _lamps(builder, way, rng)
+    scatter(builder, occupied, way.ground, spacing_m=34.0, clear_m=7.0, rng=rng)
 
 
 def dress_country(
-    assembly: Assembly, taken: Taken, network: Network, ground: Ground, *, rng: np.random.Generator
+    builder: SceneBuilder,
+    occupied: OccupiedArea,
+    network: Network,
+    ground: Ground,
+    *,
+    rng: np.random.Generator,
 ) -> None:
     """Put hedges, posts, trees and farms along country roads."""
     ends = [j for j in range(len(network.junctions)) if len(network.arms(j)) == 1]
     for junction in ends[-2:]:
-        _farm(assembly, taken, ground, network.junctions[junction], rng)
+        _farm(builder, occupied, ground, network.junctions[junction], rng)
     for street in network.streets:
         for side in (-1.0, 1.0):
             line = offset(street.line, side * (street.type.half_width_m + 3.2))
-            _hedges(assembly, taken, ground, line, rng)
-            _posts(assembly, taken, street.line, side * (street.type.half_width_m + 1.2), ground, rng)
-    scatter(assembly, taken, ground, spacing_m=62.0, clear_m=8.0, rng=rng)
+            _hedges(builder, occupied, ground, line, rng)
+            _posts(builder, occupied, street.line, side * (street.type.half_width_m + 1.2), ground, rng)
+    scatter(builder, occupied, ground, spacing_m=62.0, clear_m=8.0, rng=rng)
 
 
 def scatter(
-    assembly: Assembly,
-    taken: Taken,
+    builder: SceneBuilder,
+    occupied: OccupiedArea,
     ground: Ground,
     *,
     spacing_m: float,
@@ -77,12 +84,12 @@ def scatter(
     places = low + rng.uniform(0, 1, (int(np.prod(high - low) / spacing_m**2), 2)) * (high - low)
     shape = ground.land.buffer(-6.0).difference(ground.carriageway.buffer(clear_m))
     for place in places[shapely.contains_xy(shape, places)]:
-        if taken.claim(Point(place).buffer(2.0)):
+        if occupied.claim(Point(place).buffer(2.0)):
             scale, yaw = rng.uniform(0.75, 1.35), rng.uniform(0, 2 * np.pi)
-            assembly.place(str(rng.choice(PARK_TREES)), place, base_m=0.0, yaw_rad=yaw, scale=scale)
+            builder.place(str(rng.choice(PARK_TREES)), place, base_m=0.0, yaw_rad=yaw, scale=scale)
 
 
-def _rails(assembly: Assembly, line: Line, ground: Ground, aside_m: float, *, inside: bool) -> None:
+def _rails(builder: SceneBuilder, line: Line, ground: Ground, aside_m: float, *, inside: bool) -> None:
     """Put guard rails end to end at `aside_m` to the left of a line; beside, not on, the carriageway."""
     run = resampled(offset(line, aside_m), 1.0)
     along, heading = arc_length(run), headings(run)
@@ -91,10 +98,10 @@ def _rails(assembly: Assembly, line: Line, ground: Ground, aside_m: float, *, in
         yaw = float(np.interp(distance, along, heading))
         shape = rectangle(place, yaw, 4.6, 1.0)
         if inside or not shape.intersects(ground.carriageway):
-            assembly.place("guard_rail", place, base_m=0.0, yaw_rad=yaw + np.pi * (aside_m < 0))
+            builder.place("guard_rail", place, base_m=0.0, yaw_rad=yaw + np.pi * (aside_m < 0))
 
 
-def _noise_walls(assembly: Assembly, taken: Taken, way: Motorway, side: float) -> None:
+def _noise_walls(builder: SceneBuilder, occupied: OccupiedArea, way: Motorway, side: float) -> None:
     length = float(arc_length(way.middle)[-1])
     line = offset(way.middle, side * 21.0)
     for start in (0.16 * length, 0.76 * length):
@@ -102,12 +109,12 @@ def _noise_walls(assembly: Assembly, taken: Taken, way: Motorway, side: float) -
             first = start + 40.0 * step
             points = points_at(line, np.linspace(first, first + 40.0, 9))
             strip = LineString(points).buffer(0.5)
-            if strip.distance(way.ground.carriageway) > 2.0 and taken.claim(strip.buffer(-0.3)):
+            if strip.distance(way.ground.carriageway) > 2.0 and occupied.claim(strip.buffer(-0.3)):
                 mesh = wall(points, height_m=float(3.0 + 0.5 * (side > 0)), thickness_m=0.25)
-                assembly.add("wall", {"concrete": mesh})
+                builder.add("wall", {"concrete": mesh})
 
 
-def _lamps(assembly: Assembly, way: Motorway, rng: np.random.Generator) -> None:
+def _lamps(builder: SceneBuilder, way: Motorway, rng: np.random.Generator) -> None:
     """Stand lamp posts and direction signs behind the outer rails."""
     along, normal, heading = arc_length(way.middle), left_normals(way.middle), headings(way.middle)
     for number, distance in enumerate(np.arange(60.0, along[-1] - 40.0, 45.0)):
@@ -118,7 +125,7 @@ def _lamps(assembly: Assembly, way: Motorway, rng: np.random.Generator) -> None:
             name = "sign_direction" if rng.random() < 0.15 else "lamp_arm"
             turn = -side * np.pi / 2 if name == "lamp_arm" else (np.pi if side < 0 else 0.0)
             yaw = float(np.interp(distance, along, heading)) + turn
-            assembly.place(name, place, base_m=0.0, yaw_rad=yaw)
+            builder.place(name, place, base_m=0.0, yaw_rad=yaw)
 
 
 def _across(middle: Line, distance_m: float, part: Mesh) -> Mesh:
@@ -128,7 +135,7 @@ def _across(middle: Line, distance_m: float, part: Mesh) -> Mesh:
     return moved(part, (float(place[0]), float(place[1]), 0.0), yaw_rad=yaw)
 
 
-def _bridge(assembly: Assembly, taken: Taken, middle: Line, distance_m: float) -> None:
+def _bridge(builder: SceneBuilder, occupied: OccupiedArea, middle: Line, distance_m: float) -> None:
     """Lead a bridge over the road: a deck on piers and abutments, with parapets."""
     deck = box((9.0, 56.0, 1.1), (0.0, 0.0, 6.15))
     beams = [box((0.5, 52.0, 0.5), (x, 0.0, 5.45)) for x in (-3.6, -1.2, 1.2, 3.6)]
@@ -137,15 +144,15 @@ def _bridge(assembly: Assembly, taken: Taken, middle: Line, distance_m: float) -
         moved(cylinder(0.5, 5.2, sides=12), (x, y, 0.0)) for y in (-17.2, 0.0, 17.2) for x in (-3.0, 0.0, 3.0)
     ]
     abutments = [box((10.0, 4.0, 5.6), (0.0, y, 2.8)) for y in (-26.0, 26.0)]
-    assembly.add("building", {"concrete": _across(middle, distance_m, merge([deck, *beams]))})
-    assembly.add("wall", {"concrete": _across(middle, distance_m, merge(parapets))})
+    builder.add("building", {"concrete": _across(middle, distance_m, merge([deck, *beams]))})
+    builder.add("wall", {"concrete": _across(middle, distance_m, merge(parapets))})
     for part in (*piers, *abutments):
-        assembly.add("building", {"concrete": _across(middle, distance_m, part)})
+        builder.add("building", {"concrete": _across(middle, distance_m, part)})
     place = points_at(middle, np.array([distance_m]))[0]
-    taken.add(Point(place).buffer(30.0))
+    occupied.add(Point(place).buffer(30.0))
 
 
-def _gantry(assembly: Assembly, way: Motorway, distance_m: float) -> None:
+def _gantry(builder: SceneBuilder, way: Motorway, distance_m: float) -> None:
     """Stand a sign gantry over both carriageways, unless a slip road is where its legs would be."""
     reach, middle = EDGE_M + 1.6, way.middle
     feet = _across(middle, distance_m, box((1.0, 2 * reach, 1.0))).vertices[:, :2]
@@ -154,25 +161,27 @@ def _gantry(assembly: Assembly, way: Motorway, distance_m: float) -> None:
     legs = [box((0.4, 0.4, 7.6), (0.0, y, 3.8)) for y in (-reach, reach)]
     beams = [box((0.3, 2 * reach, 0.3), (x, 0.0, z)) for x in (-0.5, 0.5) for z in (6.3, 7.5)]
     signs = [box((0.08, 3.2, 2.0), (x, y, 6.9)) for y in (-8.4, -4.6, 4.6, 8.4) for x in (-0.75, 0.75)]
-    assembly.add("sign", {"metal": _across(middle, distance_m, merge([*legs, *beams, *signs]))})
+    builder.add("sign", {"metal": _across(middle, distance_m, merge([*legs, *beams, *signs]))})
 
 
-def _hedges(assembly: Assembly, taken: Taken, ground: Ground, line: Line, rng: np.random.Generator) -> None:
+def _hedges(
+    builder: SceneBuilder, occupied: OccupiedArea, ground: Ground, line: Line, rng: np.random.Generator
+) -> None:
     """Put runs of hedge along a line, where it keeps off every carriageway."""
     length, place = float(arc_length(line)[-1]), 0.0
     while place < length - 20.0:
         stop = min(place + rng.uniform(15.0, 60.0), length)
         points = points_at(line, np.linspace(place, stop, max(int((stop - place) / 5.0), 2)))
         strip = LineString(points).buffer(0.5)
-        if rng.random() < 0.45 and strip.distance(ground.carriageway) > 2.0 and taken.claim(strip):
+        if rng.random() < 0.45 and strip.distance(ground.carriageway) > 2.0 and occupied.claim(strip):
             mesh = hedge(points, height_m=float(rng.uniform(1.2, 2.0)), thickness_m=0.8, rng=rng, step_m=1.0)
-            assembly.add("hedge", {"foliage": mesh})
+            builder.add("hedge", {"foliage": mesh})
         place = stop + rng.uniform(3.0, 30.0)
 
 
 def _posts(
-    assembly: Assembly,
-    taken: Taken,
+    builder: SceneBuilder,
+    occupied: OccupiedArea,
     line: Line,
     aside_m: float,
     ground: Ground,
@@ -185,14 +194,16 @@ def _posts(
     for distance in np.arange(20.0, along[-1] - 20.0, 50.0):
         place = points_at(run, np.array([distance]))[0]
         foot = Point(place)
-        if foot.distance(ground.carriageway) > 0.8 and taken.claim(foot.buffer(0.3)):
+        if foot.distance(ground.carriageway) > 0.8 and occupied.claim(foot.buffer(0.3)):
             name = "bollard_metal" if rng.random() < 0.8 else "sign_triangle"
             turn = np.pi if aside_m < 0 else 0.0
             yaw = float(np.interp(distance, along, heading)) + turn
-            assembly.place(name, place, base_m=0.0, yaw_rad=yaw)
+            builder.place(name, place, base_m=0.0, yaw_rad=yaw)
 
 
-def _farm(assembly: Assembly, taken: Taken, ground: Ground, yard: Line, rng: np.random.Generator) -> None:
+def _farm(
+    builder: SceneBuilder, occupied: OccupiedArea, ground: Ground, yard: Line, rng: np.random.Generator
+) -> None:
     """Stand a house, barns, a tank and a truck about the end of a track."""
     shapes: tuple[tuple[Style, float, float, float], ...] = (
         ("house", 11.0, 8.5, 5.4),
@@ -204,17 +215,17 @@ def _farm(assembly: Assembly, taken: Taken, ground: Ground, yard: Line, rng: np.
             angle, reach = rng.uniform(0, 2 * np.pi), rng.uniform(20.0, 45.0)
             place = yard + reach * np.array([np.cos(angle), np.sin(angle)])
             shape = rectangle(place, angle + np.pi / 2, length, width)
-            if shape.distance(ground.carriageway) > 5.0 and taken.claim(shape.buffer(2.0)):
+            if shape.distance(ground.carriageway) > 5.0 and occupied.claim(shape.buffer(2.0)):
                 corners = np.asarray(shape.exterior.coords)[:4]
                 made = building(corners, height_m=height, style=style, rng=rng)
-                assembly.add("building", made)
+                builder.add("building", made)
                 break
     for name in ("tank_storage", "truck_flatbed", "container_20ft", "bin_wheeled"):
         for _ in range(40):
             angle, reach = rng.uniform(0, 2 * np.pi), rng.uniform(16.0, 40.0)
             place = yard + reach * np.array([np.cos(angle), np.sin(angle)])
-            length, width, _ = assembly[name].extent_m
+            length, width, _ = builder[name].extent_m
             shape = rectangle(place, angle, length, width)
-            if shape.distance(ground.carriageway) > 2.0 and taken.claim(shape.buffer(0.5)):
-                assembly.place(name, place, base_m=0.0, yaw_rad=angle)
+            if shape.distance(ground.carriageway) > 2.0 and occupied.claim(shape.buffer(0.5)):
+                builder.place(name, place, base_m=0.0, yaw_rad=angle)
                 break

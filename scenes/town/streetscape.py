@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.scene import Prototype
 from echoscape.scenes.geometry.curves import Line, arc_length, headings, left_normals, part, points_at
 from echoscape.scenes.roads.ground_mesh import Ground
-from echoscape.scenes.roads.junctions import Room
+from echoscape.scenes.roads.junctions import TrimLengths
 from echoscape.scenes.roads.street_network import Network, Street
-from echoscape.scenes.town.placement import Assembly, Taken, rectangle
+from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder, rectangle
 from echoscape.scenes.town.presets import Preset
 
 _LANE_GAP_M = 0.35
@@ -33,10 +33,10 @@ _CAR_SHARES = {
 
 
 def dress_streets(
-    assembly: Assembly,
-    taken: Taken,
+    builder: SceneBuilder,
+    occupied: OccupiedArea,
     network: Network,
-    room: Room,
+    trims: TrimLengths,
     ground: Ground,
     preset: Preset,
     *,
@@ -44,33 +44,33 @@ def dress_streets(
 ) -> None:
     """Put furniture and parked vehicles along every street."""
     shapely.prepare(ground.carriageway)
-    feet = {prototype.name: foot_of(prototype) for prototype in assembly.prototypes}
-    for street, cut, child in zip(network.streets, room, seeds.spawn(len(network.streets)), strict=True):
+    feet = {prototype.name: base_extent(prototype) for prototype in builder.prototypes}
+    for street, cut, child in zip(network.streets, trims, seeds.spawn(len(network.streets)), strict=True):
         rng = np.random.default_rng(child)
         line = part(street.line, cut[0], street.length_m - cut[1])
         if street.type.pavement_m > 0:
             for side in (line[::-1], line):  # to the right of travel in both directions
-                walk = Pavement(assembly, taken, street, side, ground, feet, preset.kerb_height_m, rng)
+                walk = Pavement(builder, occupied, street, side, ground, feet, preset.kerb_height_m, rng)
                 walk.signs()
                 walk.shelter()
                 walk.lamps(preset.lamps_m)
                 walk.trees(preset.street_trees)
                 walk.bins()
-            _park(assembly, taken, street, line, preset, rng)
+            _park(builder, occupied, street, line, preset, rng)
 
 
-class Foot(NamedTuple):
+class BaseExtent(NamedTuple):
     """What of a prototype is no higher than a head, from `low_m` to `high_m` (2,) in its own frame."""
 
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
 
 
-def foot_of(prototype: Prototype) -> Foot:
+def base_extent(prototype: Prototype) -> BaseExtent:
     """Return the foot of a prototype: of a lamp its pole without the arm, of a tree its trunk."""
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in prototype.parts.values()])
     low = corners[corners[..., 2].min(axis=1) < _HEAD_M][..., :2].reshape(-1, 2).astype(np.float64)
-    return Foot(low.min(axis=0), low.max(axis=0))
+    return BaseExtent(low.min(axis=0), low.max(axis=0))
 
 
 class Pavement:
@@ -78,16 +78,16 @@ class Pavement:
 
     def __init__(
         self,
-        assembly: Assembly,
-        taken: Taken,
+        builder: SceneBuilder,
+        occupied: OccupiedArea,
         street: Street,
         line: Line,
         ground: Ground,
-        feet: dict[str, Foot],
+        feet: dict[str, BaseExtent],
         base_m: float,
         rng: np.random.Generator,
     ) -> None:
-        self._assembly, self._taken, self._base_m, self._rng = assembly, taken, base_m, rng
+        self._builder, self._occupied, self._base_m, self._rng = builder, occupied, base_m, rng
         self._type, self._carriageway, self._feet = street.type, ground.carriageway, feet
         self._line, self._along = line, arc_length(line)
         self._normal, self._heading = left_normals(line), headings(line)
@@ -110,9 +110,9 @@ class Pavement:
         x, y = scale * (foot.low_m + foot.high_m) / 2
         length, width = scale * (foot.high_m - foot.low_m)
         shape = rectangle(middle, yaw, length, width)
-        free = not shapely.dwithin(self._carriageway, shape, _KERB_GAP_M) and self._taken.claim(shape)
+        free = not shapely.dwithin(self._carriageway, shape, _KERB_GAP_M) and self._occupied.claim(shape)
         if free:
-            self._assembly.place(
+            self._builder.place(
                 name, middle - x * ahead - y * aside, base_m=self._base_m, yaw_rad=yaw, scale=scale
             )
         return free
@@ -172,7 +172,12 @@ class Pavement:
 
 
 def _park(
-    assembly: Assembly, taken: Taken, street: Street, line: Line, preset: Preset, rng: np.random.Generator
+    builder: SceneBuilder,
+    occupied: OccupiedArea,
+    street: Street,
+    line: Line,
+    preset: Preset,
+    rng: np.random.Generator,
 ) -> None:
     """Park vehicles at both kerbs, most with the traffic of their side."""
     kind = street.type
@@ -188,13 +193,13 @@ def _park(
         density = preset.parked * rng.uniform(0.4, 1.3)
         while place_m < along[-1] - 12.0:
             name = str(rng.choice(names, p=odds / odds.sum()))
-            length, width, _ = assembly[name].extent_m
+            length, width, _ = builder[name].extent_m
             middle = place_m + length / 2
             if rng.random() < density and middle + length / 2 < along[-1] - 5.0:
                 aside = kind.lane_edge_m + _LANE_GAP_M + width / 2 + rng.uniform(0.0, 0.1)
                 left = np.array([np.interp(middle, along, normal[:, axis]) for axis in range(2)])
                 place = points_at(side, np.array([middle]))[0] - aside * left
                 yaw = float(np.interp(middle, along, heading)) + np.pi * (rng.random() < 0.15)
-                if taken.claim(rectangle(place, yaw, length + 0.3, width)):
-                    assembly.place(name, place, base_m=0.0, yaw_rad=yaw)
+                if occupied.claim(rectangle(place, yaw, length + 0.3, width)):
+                    builder.place(name, place, base_m=0.0, yaw_rad=yaw)
             place_m += length + rng.uniform(0.5, 1.6)

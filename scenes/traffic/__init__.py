@@ -1,1 +1,1 @@
-"""Other road users: vehicles, pedestrians, right of way."""
+"""Other road users: vehicles in the lanes and pedestrians on the pavements."""

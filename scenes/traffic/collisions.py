@@ -1,6 +1,6 @@
-"""Which moving boxes touch: the check that nothing drives through anything else.
+"""Finds moving boxes that overlap, to ensure that no vehicle or person passes through another.
 
-Boxes on the ground, oriented, tested by separating axes (Gottschalk et al., OBBTree, SIGGRAPH 1996, in the
+Oriented boxes on the ground, tested by separating axes (Gottschalk et al., OBBTree, SIGGRAPH 1996, in the
 plane).
 """
 
@@ -19,14 +19,20 @@ EGO = -1
 
 @dataclass(frozen=True, kw_only=True)
 class Overlaps:
-    """Every sample at which two boxes touch: time_s (N,); first, second (N,): who, -1 the ego."""
+    """Samples at which two boxes overlap.
+
+    Attributes:
+        time_s: Time of each sample (N,) [s].
+        first: Index of one mover (N,), -1 for the ego vehicle.
+        second: Index of the other mover (N,).
+    """
 
     time_s: NDArray[np.float64]
     first: NDArray[np.intp]
     second: NDArray[np.intp]
 
     def __len__(self) -> int:
-        """Number of samples at which two boxes touch."""
+        """Return the number of samples."""
         return len(self.time_s)
 
 
@@ -38,7 +44,18 @@ def overlaps(
     duration_s: float,
     step_s: float = 0.1,
 ) -> Overlaps:
-    """Return all overlaps of the ego's box and the movers' boxes, looked for every `step_s` [s]."""
+    """Find all overlaps between the boxes of the ego vehicle and the movers.
+
+    Args:
+        ego: Pose of the ego vehicle over time.
+        movers: The movers.
+        ego_extent_m: Length, width and height of the ego vehicle [m].
+        duration_s: End of the time that is searched, which starts at 0 [s].
+        step_s: Time between samples [s].
+
+    Returns:
+        The overlaps.
+    """
     tracks: list[HasPose] = [ego, *(mover.track for mover in movers)]
     extent = np.array([ego_extent_m, *(mover.prototype.extent_m for mover in movers)])[:, :2]
     time, first, second = _near(tracks, extent, duration_s=duration_s, step_s=step_s)
@@ -57,7 +74,7 @@ def overlaps(
 def _near(
     tracks: Sequence[HasPose], extent: NDArray[np.float64], *, duration_s: float, step_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]:
-    """Return the fine times and pairs around the coarse times at which two could come to touch."""
+    """Return times and pairs of indices around the coarse times at which two boxes may overlap."""
     per_coarse = max(round(_COARSE_S / step_s), 1)
     coarse = step_s * per_coarse * np.arange(int(duration_s / (step_s * per_coarse)) + 2, dtype=np.float64)
     xy = np.stack([track.pose(coarse)[:, :2] for track in tracks], axis=1)  # (C, M, 2)
@@ -79,6 +96,7 @@ def _near(
 def _poses_of(
     tracks: Sequence[HasPose], who: NDArray[np.intp], time: NDArray[np.float64]
 ) -> NDArray[np.float64]:
+    """Return x, y, yaw (N, 3) of tracks `who` (N,) at `time` (N,)."""
     pose = np.zeros((len(who), 3))
     order = np.argsort(who, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(who[order])) + 1):
@@ -93,7 +111,17 @@ def boxes_touch(
     second: NDArray[np.float64],
     second_extent: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Return (N,) whether boxes at x, y, yaw (N, 3) with length and width (N, 2) [m] overlap, row by row."""
+    """Test pairs of boxes for overlap.
+
+    Args:
+        first: x, y [m] and yaw [rad] of the first boxes (N, 3).
+        first_extent: Their length and width (N, 2) [m].
+        second: x, y [m] and yaw [rad] of the second boxes (N, 3).
+        second_extent: Their length and width (N, 2) [m].
+
+    Returns:
+        Whether each pair overlaps (N,).
+    """
     between = second[:, :2] - first[:, :2]
     apart = np.zeros(len(first), dtype=bool)
     axes = [yaw + quarter for yaw in (first[:, 2], second[:, 2]) for quarter in (0.0, np.pi / 2)]

@@ -1,4 +1,4 @@
-"""What traffic needs to know of the lanes, as arrays: lengths, speeds with room to brake, ways on."""
+"""The lanes as arrays for the traffic simulation: lengths, speed caps with braking distance, successors."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +11,24 @@ BRAKE_MPS2 = 1.5
 _GRID_M = 1.0
 
 
-class LaneTables:
-    """The lanes of a road graph as arrays over lane ids (N,).
+class LaneArrays:
+    """The lanes of a road graph as arrays over N lane ids.
 
-    length_m; inside: whether within a junction; yields; start_cap_mps: the speed to begin a lane with;
-    tightest_m: the smallest radius.
+    Attributes:
+        lanes: The lanes.
+        length_m: Lengths (N,) [m].
+        inside: Whether a lane lies within a junction (N,).
+        yields: Whether traffic gives way at its end (N,).
+        entry_cap_mps: Highest comfortable speed at its beginning (N,) [m/s].
+        min_radius_m: Smallest radius of curvature (N,) [m].
     """
 
     def __init__(self, roads: RoadGraph) -> None:
-        """Tabulate `roads`."""
+        """Tabulate a road graph.
+
+        Args:
+            roads: The road graph.
+        """
         self.lanes = roads.lanes
         self.length_m = np.array([lane.length_m for lane in roads.lanes])
         self.inside = np.array([lane.kind != "street" for lane in roads.lanes])
@@ -28,11 +37,19 @@ class LaneTables:
         self._offset = np.cumsum([0] + [len(caps) for caps, _ in rows[:-1]])
         self._last = np.array([len(caps) - 1 for caps, _ in rows])
         self._caps = np.concatenate([caps for caps, _ in rows])
-        self.start_cap_mps = self._caps[self._offset]
-        self.tightest_m = np.array([radius for _, radius in rows])
+        self.entry_cap_mps = self._caps[self._offset]
+        self.min_radius_m = np.array([radius for _, radius in rows])
 
     def cap_mps(self, lane: NDArray[np.intp], station_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the highest comfortable speed (...) [m/s] at `station_m` (...) along `lane` (...)."""
+        """Look up the highest comfortable speed.
+
+        Args:
+            lane: Lane ids (...).
+            station_m: Distances along the lanes (...) [m].
+
+        Returns:
+            Speeds (...) [m/s].
+        """
         index = np.minimum((station_m / _GRID_M).astype(np.intp), self._last[lane])
         return self._caps[self._offset[lane] + index]
 
@@ -40,13 +57,20 @@ class LaneTables:
         self,
         planned: list[int],
         *,
-        liking: NDArray[np.float64],
+        lane_weight: NDArray[np.float64],
         may_use: NDArray[np.bool_],
         rng: np.random.Generator,
     ) -> int:
-        """Draw what follows the lanes `planned`, of those that one `may_use` (N,): u-turns only at dead ends.
+        """Draw the lane that follows a planned path; U-turns are taken only at dead ends.
 
-        `liking` (N,) > 0 weighs the lanes.
+        Args:
+            planned: Ids of the lanes so far.
+            lane_weight: Relative probability of each lane (N,), above 0.
+            may_use: Lanes that the vehicle may use (N,) bool.
+            rng: Random generator.
+
+        Returns:
+            Id of the next lane.
         """
         lane = planned[-1]
         options = [after for after in self.lanes[lane].successors if may_use[after]]
@@ -55,12 +79,12 @@ class LaneTables:
             ahead = [
                 option for option in ahead if not set(self.lanes[option].successors) & set(planned)
             ] or ahead
-        weight = liking[ahead]
+        weight = lane_weight[ahead]
         return ahead[int(rng.choice(len(ahead), p=weight / weight.sum()))]
 
 
 def _lane_caps(lane: Lane) -> tuple[NDArray[np.float64], float]:
-    """Return the speed (S,) [m/s] every metre of a lane, with room to brake, and its smallest radius [m]."""
+    """Return the speed caps of a lane every metre (S,) [m/s] and its smallest radius [m]."""
     step = np.diff(lane.centre, axis=0)
     length = np.hypot(*step.T)
     heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))

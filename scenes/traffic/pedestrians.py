@@ -1,7 +1,7 @@
-"""People on the pavements: round their block, or up and down their walking line, over and over.
+"""Pedestrians on the pavements, who walk around their block or up and down their footpath.
 
-All on one line keep one pace and keep to the right, so that they pass one another and never run into one
-another. The strip that they walk in is kept free of everything that stands.
+All on one footpath walk at the same pace and keep to the right, so they never collide. The strip that they
+sweep is kept free of obstacles.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from echoscape.scenes.core.trajectory import Trajectory
 from echoscape.scenes.driving.lane_path import smoothed_line
-from echoscape.scenes.roads.ground_mesh import ASIDE_M
+from echoscape.scenes.roads.ground_mesh import WALKING_OFFSET_M
 
 PACE_MPS = (0.8, 1.8)
 PAVEMENT_M = 0.12
@@ -27,60 +27,87 @@ _APART_M = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Round:
-    """A closed way along a walking line and back: `arc_m` (S,), `xy` (S, 2) [m], ending where it begins."""
+class WalkingLoop:
+    """A closed path along a footpath and back.
+
+    Attributes:
+        arc_m: Arc length at each point (S,) [m].
+        xy: Points (S, 2) [m]; the last equals the first.
+    """
 
     arc_m: NDArray[np.float64]
     xy: NDArray[np.float64]
 
 
-def walking_rounds(walk: NDArray[np.float64], *, aside_m: float = ASIDE_M) -> list[Round]:
-    """Return the ways along `walk` (P, 2) [m], `aside_m` to the right of it in either direction.
+def walking_loops(path: NDArray[np.float64], *, aside_m: float = WALKING_OFFSET_M) -> list[WalkingLoop]:
+    """Return the paths of pedestrians along a footpath, on its right-hand side in each direction.
 
-    A closed line, as round a block, has two, clockwise and back; an open one has one, up and down.
+    Args:
+        path: The footpath (P, 2) [m].
+        aside_m: Lateral distance from it [m].
+
+    Returns:
+        Two loops for a closed footpath, one per direction; one loop, up and down, for an open one.
     """
-    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(walk, axis=0).T))])
-    closed = bool(np.hypot(*(walk[-1] - walk[0])) < _CLOSED_M)
-    spare = 0.0 if closed else aside_m  # room to turn round in
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    closed = bool(np.hypot(*(path[-1] - path[0])) < _CLOSED_M)
+    spare = 0.0 if closed else aside_m  # space for the half circles at the ends
     at = np.linspace(spare, arc[-1] - spare, max(int(arc[-1] / _STEP_M), 4))
-    line = np.stack([np.interp(at, arc, walk[:, axis]) for axis in (0, 1)], axis=-1)
+    line = np.stack([np.interp(at, arc, path[:, axis]) for axis in (0, 1)], axis=-1)
     sigma = _CORNER_M / (at[1] - at[0])
     if not closed:
         return [_up_and_down(smoothed_line(line, sigma=sigma), aside_m)]
     ring = gaussian_filter1d(line[:-1], sigma, axis=0, mode="wrap")
-    return [_round(_beside(way, aside_m)) for way in (ring, ring[::-1])]
+    return [_closed_loop(_beside(side, aside_m)) for side in (ring, ring[::-1])]
 
 
 def _beside(ring: NDArray[np.float64], aside_m: float) -> NDArray[np.float64]:
+    """Return the closed line `aside_m` to the right of `ring` (P, 2)."""
     ahead = np.roll(ring, -1, axis=0) - np.roll(ring, 1, axis=0)
     ahead /= np.linalg.norm(ahead, axis=-1)[:, None]
     return ring + aside_m * np.stack([ahead[:, 1], -ahead[:, 0]], axis=-1)
 
 
-def _up_and_down(line: NDArray[np.float64], aside_m: float) -> Round:
+def _up_and_down(line: NDArray[np.float64], aside_m: float) -> WalkingLoop:
+    """Return the loop along an open line and back, with half circles at its ends."""
     tangent = np.gradient(line, axis=0)
     tangent /= np.linalg.norm(tangent, axis=-1)[:, None]
     right = aside_m * np.stack([tangent[:, 1], -tangent[:, 0]], axis=-1)
     angle = np.linspace(0, np.pi, 12)[1:-1, None]
     last = line[-1] + np.cos(angle) * right[-1] + aside_m * np.sin(angle) * tangent[-1]
     first = line[0] - np.cos(angle) * right[0] - aside_m * np.sin(angle) * tangent[0]
-    return _round(np.concatenate([line + right, last, (line - right)[::-1], first]))
+    return _closed_loop(np.concatenate([line + right, last, (line - right)[::-1], first]))
 
 
-def _round(open_line: NDArray[np.float64]) -> Round:
+def _closed_loop(open_line: NDArray[np.float64]) -> WalkingLoop:
+    """Close a line."""
     closed = np.concatenate([open_line, open_line[:1]])
-    return Round(arc_m=np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))]), xy=closed)
+    return WalkingLoop(
+        arc_m=np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))]), xy=closed
+    )
 
 
-def pedestrian_track(way: Round, *, start_m: float, pace_mps: float, duration_s: float) -> Trajectory:
-    """Return the walk that begins `start_m` into `way` and goes on at `pace_mps` for `duration_s`."""
+def pedestrian_track(loop: WalkingLoop, *, start_m: float, pace_mps: float, duration_s: float) -> Trajectory:
+    """Return the trajectory of a pedestrian.
+
+    Args:
+        loop: Path of the pedestrian.
+        start_m: Distance along it at time 0 [m].
+        pace_mps: Speed [m/s].
+        duration_s: Duration [s].
+
+    Returns:
+        The trajectory.
+    """
     count = max(int(np.ceil(duration_s / _KNOT_S)), 1)
     time = np.linspace(0.0, duration_s, count + 1)
-    spline = CubicSpline(way.arc_m, way.xy, bc_type="periodic")
-    around = way.arc_m[-1]
+    spline = CubicSpline(loop.arc_m, loop.xy, bc_type="periodic")
+    around = loop.arc_m[-1]
     at = start_m + pace_mps * time
     xy, tangent, bend = (spline(at % around, nu=order) for order in (0, 1, 2))
-    yaw = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))  # a knot turns by 1.1 rad at most
+    yaw = np.unwrap(
+        np.arctan2(tangent[:, 1], tangent[:, 0])
+    )  # the heading changes by 1.1 rad at most between knots
     yaw_rate = (tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]) / np.sum(tangent**2, axis=-1)
     height = np.full_like(time, PAVEMENT_M)
     state = np.stack([*xy.T, height, yaw], axis=-1)
@@ -89,20 +116,30 @@ def pedestrian_track(way: Round, *, start_m: float, pace_mps: float, duration_s:
 
 
 def pedestrian_tracks(
-    walks: tuple[NDArray[np.float64], ...], count: int, *, duration_s: float, rng: np.random.Generator
+    footpaths: tuple[NDArray[np.float64], ...], count: int, *, duration_s: float, rng: np.random.Generator
 ) -> list[Trajectory]:
-    """Return up to `count` walks of `duration_s` [s], spread over `walks` by their lengths."""
-    long = [walk for walk in walks if np.hypot(*np.diff(walk, axis=0).T).sum() > _SHORTEST_M]
-    rounds = [way for walk in long for way in walking_rounds(walk)]
-    if not rounds:
+    """Draw pedestrians, distributed over footpaths by length.
+
+    Args:
+        footpaths: Footpaths (P, 2) [m].
+        count: Largest number of pedestrians; those who would start within 2 m of another are left out.
+        duration_s: Duration [s].
+        rng: Random generator.
+
+    Returns:
+        Their trajectories.
+    """
+    long = [path for path in footpaths if np.hypot(*np.diff(path, axis=0).T).sum() > _SHORTEST_M]
+    loops = [loop for path in long for loop in walking_loops(path)]
+    if not loops:
         return []
-    length = np.array([way.arc_m[-1] for way in rounds])
-    pace = rng.uniform(*PACE_MPS, size=len(rounds))
-    taken: dict[int, list[float]] = {}
+    length = np.array([loop.arc_m[-1] for loop in loops])
+    pace = rng.uniform(*PACE_MPS, size=len(loops))
+    starts: dict[int, list[float]] = {}
     tracks = []
-    for place in rng.choice(len(rounds), size=count, p=length / length.sum()):
+    for place in rng.choice(len(loops), size=count, p=length / length.sum()):
         start = float(rng.uniform(0, length[place]))
-        others = taken.setdefault(int(place), [])
+        others = starts.setdefault(int(place), [])
         if any(
             abs((start - other + length[place] / 2) % length[place] - length[place] / 2) < _APART_M
             for other in others
@@ -110,6 +147,6 @@ def pedestrian_tracks(
             continue
         others.append(start)
         tracks.append(
-            pedestrian_track(rounds[place], start_m=start, pace_mps=float(pace[place]), duration_s=duration_s)
+            pedestrian_track(loops[place], start_m=start, pace_mps=float(pace[place]), duration_s=duration_s)
         )
     return tracks

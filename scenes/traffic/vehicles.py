@@ -1,7 +1,7 @@
-"""Who drives where at the start, and the tracks that the flow of traffic makes of them.
+"""Draws the vehicles at the start, and converts their simulated motion to trajectories.
 
-Vehicles start at free places near the radar car's drive; long ones keep to the lanes that are wide enough for
-what they sweep.
+Vehicles start at free places near the ego drive; long ones keep to lanes that are wide enough for their swept
+path.
 """
 
 import numpy as np
@@ -13,16 +13,16 @@ from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.core.scene import Prototype
 from echoscape.scenes.core.trajectory import Trajectory
 from echoscape.scenes.driving.ego_drive import EgoDrive
-from echoscape.scenes.driving.lane_path import CORNER_M, joined_line, smoothed_line
+from echoscape.scenes.driving.lane_path import CORNER_SIGMA_M, joined_line, smoothed_line
 from echoscape.scenes.driving.route import LaneNetwork
-from echoscape.scenes.traffic.microsimulation import Fleet, flow
+from echoscape.scenes.traffic.microsimulation import Fleet, simulate_traffic
 from echoscape.scenes.traffic.swept_path import AXLE_SHARE, SweptPaths, chords
 
 _SHARES = {"car": 0.64, "van": 0.13, "truck": 0.05, "bus": 0.05, "cyclist": 0.13}
 _TOP_MPS = {"car": 40.0, "van": 38.0, "truck": 24.0, "bus": 22.0, "cyclist": 6.5}
 _PLACE, _KIND, _WAY = range(200, 203)
 _FAST_MPS = 17.0
-_FAR_LIKING = 0.05
+_FAR_WEIGHT = 0.05
 _SAMPLE_M = 0.5
 _APART_M = 14.0
 _LONG_M = 7.0
@@ -31,7 +31,7 @@ _LONG_M = 7.0
 def vehicle_tracks(
     roads: RoadGraph,
     drive: EgoDrive,
-    passed: NDArray[np.float64],
+    drive_points: NDArray[np.float64],
     kinds: dict[str, list[Prototype]],
     *,
     count: int,
@@ -39,14 +39,25 @@ def vehicle_tracks(
     step_s: float,
     seed: int,
 ) -> list[tuple[Prototype, Trajectory]]:
-    """Return up to `count` vehicles that start within `near_m` of `passed` (P, 2) [m], with their tracks.
+    """Draw vehicles near the drive and simulate them.
 
-    `kinds` are the prototypes by class, `step_s` is the step of the flow.
+    Args:
+        roads: The road graph.
+        drive: The drive of the ego vehicle.
+        drive_points: Points along the drive (P, 2) [m].
+        kinds: Prototypes by class.
+        count: Largest number of vehicles.
+        near_m: Distance from the drive within which vehicles start [m].
+        step_s: Time step of the simulation [s].
+        seed: Seed of everything that is drawn.
+
+    Returns:
+        Prototype and trajectory of each vehicle.
     """
     network = LaneNetwork(roads)
-    places = _free_places(network, drive, passed, count, near_m=near_m, rng=_stage_rng(seed, _PLACE))
+    places = _free_places(network, drive, drive_points, count, near_m=near_m, rng=_stage_rng(seed, _PLACE))
     rng = _stage_rng(seed, _KIND)
-    served, chosen = _chosen(network, places[:, 0].astype(np.intp), kinds, rng)
+    served, chosen = _drawn_vehicles(network, places[:, 0].astype(np.intp), kinds, rng)
     if not chosen:
         return []
     places = places[served]
@@ -56,12 +67,12 @@ def vehicle_tracks(
         lane=places[:, 0].astype(np.intp),
         station_m=places[:, 1],
         length_m=np.array([prototype.extent_m[0] for prototype in prototypes]),
-        top_mps=top * rng.uniform(0.75, 1.0, len(places)),
-        zeal=rng.uniform(0.8, 1.0, len(places)),
-        liking=_liking(roads, passed, near_m),
+        max_speed_mps=top * rng.uniform(0.75, 1.0, len(places)),
+        speed_factor=rng.uniform(0.8, 1.0, len(places)),
+        lane_weight=_preference(roads, drive_points, near_m),
         may_use=np.array([may_use for _, may_use in chosen]),
     )
-    record = flow(roads, drive, fleet, step_s=step_s, rng=_stage_rng(seed, _WAY))
+    record = simulate_traffic(roads, drive, fleet, step_s=step_s, rng=_stage_rng(seed, _WAY))
     return [
         (
             prototype,
@@ -85,21 +96,21 @@ def _stage_rng(seed: int, stage: int) -> np.random.Generator:
 def _free_places(
     network: LaneNetwork,
     drive: EgoDrive,
-    passed: NDArray[np.float64],
+    drive_points: NDArray[np.float64],
     count: int,
     *,
     near_m: float,
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Draw up to `count` places (N, 2): lane and station [m], near the drive and clear of one another."""
+    """Draw up to `count` places (N, 2), lane and station [m], near the drive and apart from each other."""
     rows = []
     for lane in network.lanes:
-        if lane.kind == "street" and network.endless[lane.id]:
+        if lane.kind == "street" and network.connected[lane.id]:
             along = np.arange(8.0, lane.length_m - 8.0, 4.0)
             points = lane.centre[np.linspace(0, len(lane.centre) - 1, len(along) + 2).astype(int)[1:-1]]
             rows.append(np.column_stack([np.full(len(along), lane.id), along, points]))
     places = np.concatenate(rows)
-    distance, _ = KDTree(passed).query(places[:, 2:], distance_upper_bound=near_m)
+    distance, _ = KDTree(drive_points).query(places[:, 2:], distance_upper_bound=near_m)
     start = drive.pose(np.zeros(1))[0, :2]
     clear = np.isfinite(distance) & (np.linalg.norm(places[:, 2:] - start, axis=-1) > 2 * _APART_M)
     places = rng.permutation(places[clear])
@@ -112,22 +123,24 @@ def _free_places(
     return np.array(taken).reshape(-1, 4)[:, :2]
 
 
-def _chosen(
+def _drawn_vehicles(
     network: LaneNetwork,
     lanes: NDArray[np.intp],
     kinds: dict[str, list[Prototype]],
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.bool_], list[tuple[Prototype, NDArray[np.bool_]]]]:
-    """Tell in which of `lanes` (M,) somebody can start, and draw who, with the lanes (N,) that it may use.
+    """Return in which of `lanes` (M,) a vehicle can start, and vehicles with the lanes (N,) they may use.
 
-    The kinds of a class that fit a lane share the odds of the class.
+    The prototypes of a class that fit a lane share the probability of the class.
     """
     fast = np.median([lane.speed_limit_mps for lane in network.lanes if lane.kind == "street"]) > _FAST_MPS
     names = [name for name in _SHARES if name in kinds and not (fast and name == "cyclist")]
     swept = SweptPaths(network)
     if not names or not len(lanes):
         return np.zeros(len(lanes), dtype=bool), []
-    choice = [(name, kind, _may_use(kind, network.endless, swept)) for name in names for kind in kinds[name]]
+    choice = [
+        (name, kind, _may_use(kind, network.connected, swept)) for name in names for kind in kinds[name]
+    ]
     fits = np.array([may_use[lanes] for _, _, may_use in choice]).reshape(len(choice), len(lanes))
     alike = np.array([[name == other for name, _, _ in choice] for other, _, _ in choice], dtype=float)
     share = np.array([_SHARES[name] for name, _, _ in choice])
@@ -137,16 +150,17 @@ def _chosen(
     return served, [choice[row][1:] for row in rows.tolist()]
 
 
-def _may_use(kind: Prototype, endless: NDArray[np.bool_], swept: SweptPaths) -> NDArray[np.bool_]:
+def _may_use(kind: Prototype, connected: NDArray[np.bool_], swept: SweptPaths) -> NDArray[np.bool_]:
+    """Return the lanes (N,) that a prototype may use."""
     length, width, _ = kind.extent_m
-    return swept.loop(length, width) if length > _LONG_M else endless
+    return swept.drivable_lanes(length, width) if length > _LONG_M else connected
 
 
-def _liking(roads: RoadGraph, passed: NDArray[np.float64], near_m: float) -> NDArray[np.float64]:
-    """Return weights (N,) of the lanes that keep traffic where the drive passes."""
+def _preference(roads: RoadGraph, drive_points: NDArray[np.float64], near_m: float) -> NDArray[np.float64]:
+    """Return weights (N,) of the lanes that keep traffic near the drive."""
     ends = np.array([lane.centre[-1] for lane in roads.lanes])
-    distance, _ = KDTree(passed).query(ends)
-    weight = np.where(distance < near_m, 1.0, _FAR_LIKING)
+    distance, _ = KDTree(drive_points).query(ends)
+    weight = np.where(distance < near_m, 1.0, _FAR_WEIGHT)
     return np.array([weight[[lane.id, *lane.successors]].min() for lane in roads.lanes])
 
 
@@ -159,11 +173,23 @@ def vehicle_track(
     *,
     length_m: float,
 ) -> Trajectory:
-    """Put a vehicle of `length_m` on its `lanes`: both axles on the centre line, its middle between them."""
+    """Return the trajectory of a vehicle whose axles follow the centre line of its lanes.
+
+    Args:
+        roads: The road graph.
+        lanes: Ids of the lanes in the order driven.
+        time_s: Times (T,) [s].
+        travel_m: Distance from the beginning of the first lane (T,) [m].
+        speed_mps: Speed (T,) [m/s].
+        length_m: Length of the vehicle [m].
+
+    Returns:
+        The trajectory of its centre.
+    """
     used = np.cumsum([0.0, *(roads.lanes[lane].length_m for lane in lanes)])
     count = int(np.searchsorted(used, travel_m[-1] + length_m)) + 1
     uniform, line = joined_line([roads.lanes[lane] for lane in lanes[:count]], step_m=_SAMPLE_M)
-    line = smoothed_line(line, sigma=CORNER_M / uniform[1])
+    line = smoothed_line(line, sigma=CORNER_SIGMA_M / uniform[1])
     half = max(round(AXLE_SHARE * length_m / uniform[1]), 1)
     padded = np.pad(line, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
     middle, yaw = chords(padded, half)

@@ -93,8 +93,10 @@ def _joined(
         )
         for i, (kind, centre, after, opposite, junction) in enumerate(rows)
     )
-    walks = tuple(np.asarray(centre + 4.5 * np.array([into[1], -into[0]])) for _, _, into, centre in streets)
-    return RoadGraph(lanes=lanes, junctions=junctions, walks=walks)
+    footpaths = tuple(
+        np.asarray(centre + 4.5 * np.array([into[1], -into[0]])) for _, _, into, centre in streets
+    )
+    return RoadGraph(lanes=lanes, junctions=junctions, footpaths=footpaths)
 
 
 def _bare_town(roads: RoadGraph) -> Scene:

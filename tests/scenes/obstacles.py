@@ -1,4 +1,4 @@
-"""What stands still and can be run into: every low triangle of a town, and which boxes touch one.
+"""What stands still and can be run into: every low triangle of a scene, and which boxes touch one.
 
 Ground, road, kerb and pavement are there to be on, and what hangs at 2.5 m or higher is there to pass under.
 Boxes and triangles are tested by separating axes (Gottschalk et al., OBBTree, SIGGRAPH 1996, in the plane).
@@ -23,10 +23,10 @@ class Obstacles:
     corner_m (T, 3, 2) in the plane; low_m, high_m (T,) above the ground; instance (T,) whose each is.
     """
 
-    def __init__(self, town: Scene, *, near: NDArray[np.float64]) -> None:
+    def __init__(self, scene: Scene, *, near: NDArray[np.float64]) -> None:
         """Collect what stands within some 8 m of the places `near` (N, 2) [m]."""
         cells = _Cells(near)
-        kept = [_kept(corner, who, town, cells) for corner, who in (*_made(town), *_placed(town, cells))]
+        kept = [_kept(corner, who, scene, cells) for corner, who in (*_made(scene), *_placed(scene, cells))]
         corner = np.concatenate([np.zeros((0, 3, 3)), *(corner for corner, _ in kept)])
         self.instance = np.concatenate([np.zeros(0, np.uint32), *(who for _, who in kept)])
         self.corner_m = corner[..., :2]
@@ -77,28 +77,28 @@ class _Cells:
 
 
 def _kept(
-    corner: NDArray[np.float64], instance: NDArray[np.uint32], town: Scene, cells: _Cells
+    corner: NDArray[np.float64], instance: NDArray[np.uint32], scene: Scene, cells: _Cells
 ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
     """Return the triangles (T, 3, 3) that are low, near and no ground, and whose they are."""
-    underfoot = np.isin(town.instance_class, [CLASSES.index(name) for name in _UNDERFOOT])
+    underfoot = np.isin(scene.instance_class, [CLASSES.index(name) for name in _UNDERFOOT])
     keep = (corner[..., 2].min(axis=1) < OVERHEAD_M) & ~underfoot[instance]
     corner, instance = corner[keep], instance[keep]
     near = cells.hold(corner[..., :2].min(axis=1), corner[..., :2].max(axis=1))
     return corner[near], instance[near]
 
 
-def _made(town: Scene) -> list[tuple[NDArray[np.float64], NDArray[np.uint32]]]:
-    return [(_corners(mesh), mesh.instance) for mesh in town.static.values()]
+def _made(scene: Scene) -> list[tuple[NDArray[np.float64], NDArray[np.uint32]]]:
+    return [(_corners(mesh), mesh.instance) for mesh in scene.static.values()]
 
 
 def _corners(mesh: Mesh) -> NDArray[np.float64]:
     return mesh.vertices.astype(np.float64)[mesh.faces]
 
 
-def _placed(town: Scene, cells: _Cells) -> list[tuple[NDArray[np.float64], NDArray[np.uint32]]]:
+def _placed(scene: Scene, cells: _Cells) -> list[tuple[NDArray[np.float64], NDArray[np.uint32]]]:
     """Return the triangles of everything that is placed, prototype by prototype."""
-    placed, found = town.placements, []
-    for number, prototype in enumerate(town.prototypes):
+    placed, found = scene.placements, []
+    for number, prototype in enumerate(scene.prototypes):
         reach = np.hypot(*prototype.extent_m[:2]) / 2 * placed.scale[:, None]
         flat = placed.position[:, :2]
         rows = np.flatnonzero((placed.prototype == number) & cells.hold(flat - reach, flat + reach))

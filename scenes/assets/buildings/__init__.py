@@ -1,1 +1,1 @@
-"""Houses, apartment blocks and warehouses, and the parts they are built from."""
+"""Houses, apartment blocks and warehouses, and the facades and roofs they are built from."""

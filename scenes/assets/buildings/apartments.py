@@ -5,14 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.scenes.assets.buildings import facade as fc
-from echoscape.scenes.assets.buildings import roof as roofs
-from echoscape.scenes.assets.buildings.builder import Site, columns, flat_top
+from echoscape.scenes.assets.buildings import facade, roof
+from echoscape.scenes.assets.buildings.builder import BuildingBuilder, columns, flat_top
 from echoscape.scenes.assets.buildings.facade import Frame, Grid, grid
 
 
 @dataclass(frozen=True, kw_only=True)
 class _BlockLook:
+    """Dimensions and materials of a block."""
+
     wall: str
     storey_m: float
     storeys: int
@@ -26,17 +27,17 @@ class _BlockLook:
 
 
 def _block_look(
-    site: Site, *, width_m: tuple[float, float], gap_m: float, balconies: float, windows: int
+    builder: BuildingBuilder, *, width_m: tuple[float, float], gap_m: float, balconies: float, windows: int
 ) -> _BlockLook:
-    """Draw a look; columns stand so far apart that the building has about `windows` windows at most."""
-    rng = site.rng
-    storeys = max(2, round(site.height_m / 3.0))
-    perimeter = sum(frame.length_m for frame in site.frames)
+    """Draw dimensions and materials, with at most about `windows` windows in the whole building."""
+    rng = builder.rng
+    storeys = max(2, round(builder.height_m / 3.0))
+    perimeter = sum(frame.length_m for frame in builder.frames)
     width = rng.uniform(*width_m)
     pitch = max(width + gap_m, perimeter * storeys / windows)
     return _BlockLook(
         wall=str(rng.choice(["brick", "concrete", "concrete"])),
-        storey_m=site.height_m / storeys,
+        storey_m=builder.height_m / storeys,
         storeys=storeys,
         width_m=max(width, 0.45 * pitch),
         pitch_m=pitch,
@@ -48,28 +49,37 @@ def _block_look(
     )
 
 
-def block(site: Site) -> None:
-    """Add a block of flats or offices."""
-    _storeyed(site, _block_look(site, width_m=(1.4, 2.1), gap_m=1.2, balconies=0.7, windows=95))
+def block(builder: BuildingBuilder) -> None:
+    """Add a block of flats or offices.
+
+    Args:
+        builder: The building.
+    """
+    _storeyed(builder, _block_look(builder, width_m=(1.4, 2.1), gap_m=1.2, balconies=0.7, windows=95))
 
 
-def tower(site: Site) -> None:
-    """Add a tower: wide windows close together."""
-    _storeyed(site, _block_look(site, width_m=(2.2, 3.2), gap_m=0.8, balconies=0.3, windows=170))
+def tower(builder: BuildingBuilder) -> None:
+    """Add a tower with wide windows close together.
+
+    Args:
+        builder: The building.
+    """
+    _storeyed(builder, _block_look(builder, width_m=(2.2, 3.2), gap_m=0.8, balconies=0.3, windows=170))
 
 
-def _storeyed(site: Site, look: _BlockLook) -> None:
-    front = site.front
-    for edge, (frame, is_open) in enumerate(zip(site.frames, site.open_edges, strict=True)):
+def _storeyed(builder: BuildingBuilder, look: _BlockLook) -> None:
+    """Add facades, flat roof and roof equipment."""
+    front = builder.front
+    for edge, (frame, is_open) in enumerate(zip(builder.frames, builder.open_edges, strict=True)):
         if is_open and frame.length_m > 2.5:
-            _block_facade(site, frame, look, is_front=edge == front)
+            _block_facade(builder, frame, look, is_front=edge == front)
         else:
-            site.add(look.wall, frame.to_world(fc.panels(0.0, frame.length_m, 0.0, site.height_m)))
-    flat_top(site, look.wall, parapet_m=look.parapet_m)
-    _plant(site)
+            builder.add(look.wall, frame.to_world(facade.panels(0.0, frame.length_m, 0.0, builder.height_m)))
+    flat_top(builder, look.wall, parapet_m=look.parapet_m)
+    _plant(builder)
 
 
-def _block_facade(site: Site, frame: Frame, look: _BlockLook, *, is_front: bool) -> None:
+def _block_facade(builder: BuildingBuilder, frame: Frame, look: _BlockLook, *, is_front: bool) -> None:
     """Add a wall of equal storeys: window columns, string courses, balconies, an entrance."""
     length, storey = frame.length_m, look.storey_m
     width = min(look.width_m, 0.7 * length)
@@ -79,7 +89,7 @@ def _block_facade(site: Site, frame: Frame, look: _BlockLook, *, is_front: bool)
     with_balcony = np.arange(len(left)) % 3 == 1
     if look.balcony and is_front and with_balcony.any():
         bottom[:, with_balcony] = floor[:, None] + 0.06
-        _add_balconies(site, frame, look, left[with_balcony], right[with_balcony], floor)
+        _add_balconies(builder, frame, look, left[with_balcony], right[with_balcony], floor)
     upper = grid(
         low=floor + 0.06,
         high=floor + 0.82 * storey,
@@ -95,47 +105,54 @@ def _block_facade(site: Site, frame: Frame, look: _BlockLook, *, is_front: bool)
         upper = windows
     grids = [upper]
     if is_front:
-        grids.append(_entrance(site, frame, look, left, right))
+        grids.append(_entrance(builder, frame, look, left, right))
     else:
         plain = grid(low=0.35 * storey, high=0.82 * storey, left=left, right=right, depth_m=look.depth_m)
         grids.append(plain)
-        site.add("glass", frame.to_world(fc.panes(plain)))
-    site.add(look.wall, frame.to_world(fc.pierced_wall(length, site.height_m, grids)))
-    site.add("glass", frame.to_world(fc.panes(upper)))
-    site.add("metal", frame.to_world(fc.mullions(upper)))
-    courses = np.r_[floor, site.height_m - 0.12] if is_front else np.array([site.height_m - 0.12])
-    site.add("concrete", frame.to_world(fc.boxes(0.0, length, courses - 0.1, courses + 0.08, 0.08)))
+        builder.add("glass", frame.to_world(facade.panes(plain)))
+    builder.add(look.wall, frame.to_world(facade.pierced_wall(length, builder.height_m, grids)))
+    builder.add("glass", frame.to_world(facade.panes(upper)))
+    builder.add("metal", frame.to_world(facade.mullions(upper)))
+    courses = np.r_[floor, builder.height_m - 0.12] if is_front else np.array([builder.height_m - 0.12])
+    builder.add("concrete", frame.to_world(facade.boxes(0.0, length, courses - 0.1, courses + 0.08, 0.08)))
     if is_front:
-        site.add("concrete", frame.to_world(fc.sills(windows)[_is_sill(windows, with_balcony, look)]))
-    site.add("metal", frame.to_world(fc.downpipe([0.25, length - 0.25], site.height_m, radius_m=0.06)))
+        builder.add("concrete", frame.to_world(facade.sills(windows)[_is_sill(windows, with_balcony, look)]))
+    builder.add(
+        "metal", frame.to_world(facade.downpipe([0.25, length - 0.25], builder.height_m, radius_m=0.06))
+    )
 
 
 def _is_sill(windows: Grid, with_balcony: NDArray[np.bool_], look: _BlockLook) -> NDArray[np.bool_]:
-    """Return which of the five quads of every sill to keep: none under balcony doors."""
+    """Return which of the five quads of each sill to keep: none under balcony doors."""
     keep = np.broadcast_to(~(with_balcony & look.balcony), windows.bottom.shape).ravel()
     return np.repeat(keep, 5)
 
 
 def _add_balconies(
-    site: Site,
+    builder: BuildingBuilder,
     frame: Frame,
     look: _BlockLook,
     left: NDArray[np.float64],
     right: NDArray[np.float64],
     floor: NDArray[np.float64],
 ) -> None:
+    """Add balconies at the given window columns of every upper floor."""
     s0, z = np.meshgrid(np.maximum(left - 0.35, 0.05), floor)
     s1, _ = np.meshgrid(np.minimum(right + 0.35, frame.length_m - 0.05), floor)
-    slab, rails = fc.balconies(s0.ravel(), s1.ravel(), z.ravel(), out_m=1.3, solid=look.solid)
-    site.add("concrete", frame.to_world(slab))
+    slab, rails = facade.balconies(s0.ravel(), s1.ravel(), z.ravel(), out_m=1.3, solid=look.solid)
+    builder.add("concrete", frame.to_world(slab))
     if len(rails):
-        site.add("metal", frame.to_world(rails))
+        builder.add("metal", frame.to_world(rails))
 
 
 def _entrance(
-    site: Site, frame: Frame, look: _BlockLook, left: NDArray[np.float64], right: NDArray[np.float64]
+    builder: BuildingBuilder,
+    frame: Frame,
+    look: _BlockLook,
+    left: NDArray[np.float64],
+    right: NDArray[np.float64],
 ) -> Grid:
-    """Add the ground floor's panes with a door in the middle and a canopy over it; return its openings."""
+    """Add the windows of the ground floor with a door in the middle and a canopy; return the openings."""
     storey, count = look.storey_m, len(left)
     if look.shops and count:
         gap = 0.3
@@ -145,26 +162,28 @@ def _entrance(
     if count:
         bottom[0, count // 2] = 0.05
         s0, s1 = float(left[count // 2]) - 0.3, float(right[count // 2]) + 0.3
-        site.add("metal", frame.to_world(fc.boxes(s0, s1, 0.86 * storey, 0.92 * storey, 1.2)))
-        site.add("paving", frame.to_world(fc.boxes(s0, s1, 0.0, 0.05, 1.0)))
+        builder.add("metal", frame.to_world(facade.boxes(s0, s1, 0.86 * storey, 0.92 * storey, 1.2)))
+        builder.add("paving", frame.to_world(facade.boxes(s0, s1, 0.0, 0.05, 1.0)))
     row = grid(low=[0.05], high=[0.82 * storey], left=left, right=right, depth_m=look.depth_m, bottom=bottom)
-    site.add("glass", frame.to_world(fc.panes(row)))
-    site.add("metal", frame.to_world(fc.mullions(row)))
+    builder.add("glass", frame.to_world(facade.panes(row)))
+    builder.add("metal", frame.to_world(facade.mullions(row)))
     return row
 
 
-def _plant(site: Site) -> None:
-    """Add a stair head and two ventilation units on a flat roof."""
-    frame, base = site.frames[site.front], site.height_m
+def _plant(builder: BuildingBuilder) -> None:
+    """Add a stair head and two ventilation units to a flat roof."""
+    frame, base = builder.frames[builder.front], builder.height_m
     step = frame.length_m * frame.along
     inward = np.array([-frame.along[1], frame.along[0]])
-    room = min(5.0, 0.4 * roofs.signed_area(site.outline) / frame.length_m)
+    room = min(5.0, 0.4 * roof.signed_area(builder.outline) / frame.length_m)
     middle = frame.origin + 0.5 * step + room * inward
     yaw = float(np.arctan2(step[1], step[0]))
     reach = 0.18 * frame.length_m
-    site.add("concrete", roofs.upright_box(middle, (3.0, 2.4), bottom_m=base, top_m=base + 2.6, yaw_rad=yaw))
+    builder.add(
+        "concrete", roof.upright_box(middle, (3.0, 2.4), bottom_m=base, top_m=base + 2.6, yaw_rad=yaw)
+    )
     units = [
-        roofs.upright_box(
+        roof.upright_box(
             middle + shift * reach * frame.along,
             (1.6, 1.1),
             bottom_m=base + 0.2,
@@ -173,4 +192,4 @@ def _plant(site: Site) -> None:
         )
         for shift in (-1.0, 1.0)
     ]
-    site.add("metal", np.concatenate(units))
+    builder.add("metal", np.concatenate(units))

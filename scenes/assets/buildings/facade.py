@@ -1,7 +1,8 @@
-"""Facades as quads: pierced walls, reveals, panes, sills, balconies, ribs, pipes, all tiled over whole walls.
+"""Facades as quads: walls with openings, reveals, panes, sills, balconies, ribs and pipes.
 
-A facade has its own axes (s, z, d): along the wall to the right as seen from outside, up, and outwards; they
-are right-handed. A quad is (4, 3), counter-clockwise from its outer side; lists of quads are (N, 4, 3) [m].
+Coordinates of a facade are (s, z, d): along the wall to the right as seen from outside, up, and outwards;
+they are right-handed. A quad is (4, 3), counter-clockwise seen from its outer side; several are (N, 4, 3)
+[m].
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,13 @@ Quads = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Where a facade stands: `origin` (2,) its left foot, `along` (2,) a unit vector, its length."""
+    """Position of a facade in the world.
+
+    Attributes:
+        origin: Its lower left corner (2,) [m], seen from outside.
+        along: Unit vector (2,) along the wall.
+        length_m: Length of the wall [m].
+    """
 
     origin: NDArray[np.float64]
     along: NDArray[np.float64]
@@ -27,7 +34,14 @@ class Frame:
         return np.array([[x, y, 0.0], up, [y, -x, 0.0]])
 
     def to_world(self, local: Quads) -> Quads:
-        """Return `local` (N, 4, 3) (s, z, d) as (N, 4, 3) world x, y, z."""
+        """Convert quads from facade to world coordinates.
+
+        Args:
+            local: Quads in (s, z, d) (N, 4, 3) [m].
+
+        Returns:
+            Quads in x, y, z (N, 4, 3) [m].
+        """
         world = local.reshape(-1, 3) @ self._basis
         world[:, :2] += self.origin
         return world.reshape(-1, 4, 3)
@@ -35,9 +49,15 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """Openings in rows and columns: `low`, `high` (R,) heights; `left`, `right` (C,) along the wall.
+    """Openings in R rows and C columns, which do not overlap.
 
-    `bottom` (R, C) is where each opening begins, at `low` or above; rows and columns do not overlap.
+    Attributes:
+        low: Lower edge of each row (R,) [m].
+        high: Upper edge of each row (R,) [m].
+        left: Left edge of each column (C,) [m].
+        right: Right edge of each column (C,) [m].
+        bottom: Lower edge of each opening (R, C) [m], at `low` or above.
+        depth_m: Depth of the reveals [m].
     """
 
     low: NDArray[np.float64]
@@ -49,7 +69,7 @@ class Grid:
 
     @cached_property
     def rects(self) -> tuple[NDArray[np.float64], ...]:
-        """Left, right, bottom and top of every opening, each (R * C,), row by row."""
+        """Left, right, bottom and top of each opening, each (R * C,) [m], row by row."""
         shape = self.bottom.shape
         left, right = (np.broadcast_to(value, shape).ravel() for value in (self.left, self.right))
         return left, right, self.bottom.ravel(), np.broadcast_to(self.high[:, None], shape).ravel()
@@ -64,7 +84,19 @@ def grid(
     depth_m: float,
     bottom: ArrayLike | None = None,
 ) -> Grid:
-    """Return a `Grid`; without `bottom` all openings of a row begin at its `low`."""
+    """Make a grid of openings.
+
+    Args:
+        low: Lower edges of the rows (R,) [m].
+        high: Upper edges of the rows (R,) [m].
+        left: Left edges of the columns (C,) [m].
+        right: Right edges of the columns (C,) [m].
+        depth_m: Depth of the reveals [m].
+        bottom: Lower edges of the openings (R, C) [m]; None for the lower edges of their rows.
+
+    Returns:
+        The grid.
+    """
     lows, lefts = np.atleast_1d(np.asarray(low, float)), np.atleast_1d(np.asarray(left, float))
     start = lows[:, None] if bottom is None else np.asarray(bottom, float)
     return Grid(
@@ -78,19 +110,42 @@ def grid(
 
 
 def panels(left: ArrayLike, right: ArrayLike, low: ArrayLike, high: ArrayLike, out: ArrayLike = 0.0) -> Quads:
-    """Return upright quads that face outwards at `out`; the arguments broadcast."""
+    """Make upright quads that face outwards; the arguments broadcast.
+
+    Args:
+        left: Left edges [m].
+        right: Right edges [m].
+        low: Lower edges [m].
+        high: Upper edges [m].
+        out: Distance outwards from the wall [m].
+
+    Returns:
+        Quads (N, 4, 3).
+    """
     return _between((left, low, out), (right, high, out), _BOX_ENDS[:1])
 
 
 def boxes(
     left: ArrayLike, right: ArrayLike, low: ArrayLike, high: ArrayLike, out: ArrayLike, back: ArrayLike = 0.0
 ) -> Quads:
-    """Return boxes that stand out from `back` to `out`, open at the back: 5 quads each."""
+    """Make boxes that stand out from the wall, open at the back; the arguments broadcast.
+
+    Args:
+        left: Left edges [m].
+        right: Right edges [m].
+        low: Lower edges [m].
+        high: Upper edges [m].
+        out: Distance of the front from the wall [m].
+        back: Distance of the back from the wall [m].
+
+    Returns:
+        Quads (5 N, 4, 3).
+    """
     return _between((left, low, back), (right, high, out), _BOX_ENDS)
 
 
 def _between(least: tuple[ArrayLike, ...], most: tuple[ArrayLike, ...], ends: NDArray[np.int64]) -> Quads:
-    """Return the faces whose corners take `ends` (K, 4, 3) of the boxes from `least` to `most` (s, z, d)."""
+    """Return the faces, given by `ends` (K, 4, 3), of boxes from `least` to `most` in (s, z, d)."""
     arrays = [np.asarray(value, dtype=np.float64) for value in (*least, *most)]
     shape = np.broadcast(*arrays).shape
     pairs = np.empty((*shape, 2, 3))
@@ -109,11 +164,20 @@ _BOX_ENDS = np.array(
         [[1, 0, 1], [1, 0, 0], [1, 1, 0], [1, 1, 1]],
     ]
 )
-"""Which end of the box each corner takes on (s, z, d): front, top, underside, left, right."""
+"""End of the box (0 least, 1 most) of each corner in s, z, d: front, top, underside, left, right."""
 
 
 def pierced_wall(length_m: float, top_m: float, grids: list[Grid]) -> Quads:
-    """Return the wall from the ground to `top_m` less the `grids`' openings, and the openings' reveals."""
+    """Make a wall with openings and their reveals.
+
+    Args:
+        length_m: Length of the wall [m].
+        top_m: Height of the wall [m].
+        grids: Its openings.
+
+    Returns:
+        Quads (N, 4, 3).
+    """
     grids = [g for g in grids if g.bottom.size]
     if not grids:
         return panels(0.0, length_m, 0.0, top_m)
@@ -124,7 +188,7 @@ def pierced_wall(length_m: float, top_m: float, grids: list[Grid]) -> Quads:
 
 
 def _piers(openings: Grid, length_m: float) -> Quads:
-    """Return what stands between the openings of each row, and below those that begin above it."""
+    """Return the wall between the openings of each row, and below openings that begin above their row."""
     left, right = np.r_[0.0, openings.right], np.r_[openings.left, length_m]
     piers = panels(left, right, openings.low[:, None], openings.high[:, None])
     raised = (openings.bottom > openings.low[:, None] + 1e-6).ravel()
@@ -136,7 +200,7 @@ def _piers(openings: Grid, length_m: float) -> Quads:
 
 
 def _reveals(openings: Grid) -> Quads:
-    """Return the four inner faces of each opening, from the wall's face back to its pane."""
+    """Return the four inner faces of each opening, from the face of the wall back to its pane."""
     s0, s1, z0, z1 = openings.rects
     front, back = np.zeros_like(s0), np.full_like(s0, -openings.depth_m)
     corners = np.array(
@@ -151,19 +215,40 @@ def _reveals(openings: Grid) -> Quads:
 
 
 def panes(openings: Grid) -> Quads:
-    """Return what closes each opening, set back by its depth."""
+    """Make the panes that close openings, set back by their depth.
+
+    Args:
+        openings: The openings.
+
+    Returns:
+        Quads (N, 4, 3).
+    """
     s0, s1, z0, z1 = openings.rects
     return panels(s0, s1, z0, z1, -openings.depth_m)
 
 
 def sills(openings: Grid) -> Quads:
-    """Return a sill under each opening: 0.06 m out, 0.07 m high, 0.06 m wider to both sides."""
+    """Make a sill under each opening: 0.06 m out, 0.07 m high, 0.06 m wider on both sides.
+
+    Args:
+        openings: The openings.
+
+    Returns:
+        Quads (5 N, 4, 3).
+    """
     s0, s1, z0, _ = openings.rects
     return boxes(s0 - 0.06, s1 + 0.06, z0 - 0.07, z0, 0.06)
 
 
 def mullions(openings: Grid) -> Quads:
-    """Return an upright bar of 0.07 m before the middle of each pane."""
+    """Make an upright bar, 0.07 m wide, in front of the middle of each pane.
+
+    Args:
+        openings: The openings.
+
+    Returns:
+        Quads (3 N, 4, 3).
+    """
     s0, s1, z0, z1 = openings.rects
     middle, back = 0.5 * (s0 + s1), -openings.depth_m
     bars = boxes(middle - 0.035, middle + 0.035, z0, z1, back + 0.05, back)
@@ -173,7 +258,19 @@ def mullions(openings: Grid) -> Quads:
 def balconies(
     left: ArrayLike, right: ArrayLike, floor_m: ArrayLike, *, out_m: float, solid: bool
 ) -> tuple[Quads, Quads]:
-    """Return slabs (with parapets if `solid`) and open railings (none if `solid`), (N, 4, 3) each."""
+    """Make balconies.
+
+    Args:
+        left: Left edges (N,) [m].
+        right: Right edges (N,) [m].
+        floor_m: Heights of their floors (N,) [m].
+        out_m: Depth [m].
+        solid: Whether they have parapets instead of railings.
+
+    Returns:
+        Quads of the slabs with any parapets, and quads of the railings, which are none if `solid`; each (M,
+        4, 3).
+    """
     s0, s1, z = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (left, right, floor_m)))
     slab = boxes(s0, s1, z - 0.2, z, out_m)
     if solid:
@@ -191,7 +288,19 @@ def balconies(
 def ribs(
     left_m: float, right_m: float, low_m: float, high_m: float, *, pitch_m: float, depth_m: float
 ) -> Quads:
-    """Return profiled sheet: upright trapezoid ribs `depth_m` proud, about `pitch_m` apart."""
+    """Make profiled sheet with upright trapezoidal ribs.
+
+    Args:
+        left_m: Left edge [m].
+        right_m: Right edge [m].
+        low_m: Lower edge [m].
+        high_m: Upper edge [m].
+        pitch_m: Approximate distance between ribs [m].
+        depth_m: Height of the ribs above the sheet [m].
+
+    Returns:
+        Quads (N, 4, 3); none on a sheet narrower or lower than 0.05 m.
+    """
     if right_m - left_m < 0.05 or high_m - low_m < 0.05:
         return np.zeros((0, 4, 3))
     count = max(1, round((right_m - left_m) / pitch_m))
@@ -208,7 +317,19 @@ def ribs(
 def slats(
     left_m: float, right_m: float, low_m: float, high_m: float, out_m: float, *, pitch_m: float = 0.4
 ) -> Quads:
-    """Return a roller shutter: level slats, each leaning out to 0.04 m and back."""
+    """Make a roller shutter of level slats, each leaning out by 0.04 m and back.
+
+    Args:
+        left_m: Left edge [m].
+        right_m: Right edge [m].
+        low_m: Lower edge [m].
+        high_m: Upper edge [m].
+        out_m: Distance from the wall, negative inwards [m].
+        pitch_m: Approximate height of a slat [m].
+
+    Returns:
+        Quads (N, 4, 3).
+    """
     count = max(2, round((high_m - low_m) / pitch_m))
     z = np.linspace(low_m, high_m, 2 * count + 1)
     d = out_m + np.where(np.arange(len(z)) % 2, 0.04, 0.0)
@@ -218,7 +339,16 @@ def slats(
 
 
 def downpipe(place_m: ArrayLike, top_m: float, *, radius_m: float = 0.045) -> Quads:
-    """Return rainwater pipes at places (N,) along the wall: the five outer sides of an octagon."""
+    """Make rainwater pipes, each the five outer sides of an octagon.
+
+    Args:
+        place_m: Places along the wall (N,) [m].
+        top_m: Height of their tops [m].
+        radius_m: Radius [m].
+
+    Returns:
+        Quads (5 N, 4, 3).
+    """
     angle = np.pi * (np.arange(6) - 1) / 4 - np.pi / 8 + np.pi / 4
     across, out = -radius_m * np.cos(angle), 0.03 + radius_m + radius_m * np.sin(angle)
     place = np.atleast_1d(np.asarray(place_m, float))[:, None]

@@ -1,6 +1,6 @@
 """Roofs over footprints: gable and hip over quadrilaterals, mansard and flat with a parapet over any outline.
 
-All return quads in world axes, (N, 4, 3) [m], counter-clockwise from outside; a triangle repeats a corner.
+All return quads (N, 4, 3) [m] in the world, counter-clockwise seen from outside; a triangle repeats a corner.
 """
 
 import numpy as np
@@ -11,8 +11,16 @@ from echoscape.scenes.geometry.primitives import polygon_triangles
 Quads = NDArray[np.float64]
 
 
-def grown(outline: NDArray[np.float64], distance_m: ArrayLike) -> NDArray[np.float64]:
-    """Return `outline` (N, 2), counter-clockwise, its edges moved out by `distance_m` (or (N,))."""
+def offset_outline(outline: NDArray[np.float64], distance_m: ArrayLike) -> NDArray[np.float64]:
+    """Move the edges of a polygon outwards.
+
+    Args:
+        outline: Counter-clockwise polygon (N, 2) [m].
+        distance_m: Distance [m], one for all edges or one per edge (N,); negative inwards.
+
+    Returns:
+        The offset polygon (N, 2) [m].
+    """
     step = np.roll(outline, -1, axis=0) - outline
     along = step / np.hypot(step[:, 0], step[:, 1])[:, None]
     normal = along[:, ::-1] * [1.0, -1.0]
@@ -28,18 +36,41 @@ def grown(outline: NDArray[np.float64], distance_m: ArrayLike) -> NDArray[np.flo
 
 
 def signed_area(outline: NDArray[np.float64]) -> float:
-    """Return the area [m^2] of a polygon (N, 2), positive when counter-clockwise."""
+    """Return the area of a polygon.
+
+    Args:
+        outline: Polygon (N, 2) [m].
+
+    Returns:
+        Area [m^2], positive if counter-clockwise.
+    """
     x, y = outline.T
     return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
 
 
 def raised(outline: NDArray[np.float64], height_m: float) -> NDArray[np.float64]:
-    """Return (N, 3): `outline` (N, 2) at `height_m`."""
+    """Give an outline a height.
+
+    Args:
+        outline: Points (N, 2) [m].
+        height_m: Height [m].
+
+    Returns:
+        Points (N, 3) [m].
+    """
     return np.concatenate([outline, np.full((len(outline), 1), height_m)], axis=1)
 
 
 def lid(outline: NDArray[np.float64], height_m: float) -> Quads:
-    """Return a level surface over `outline` (N, 2), facing up."""
+    """Make a level surface over a polygon, facing up.
+
+    Args:
+        outline: Counter-clockwise polygon (N, 2) [m].
+        height_m: Height [m].
+
+    Returns:
+        Quads (M, 4, 3).
+    """
     corners = raised(outline, height_m)
     if len(outline) == 4 and _is_convex(outline):
         return corners[None]
@@ -53,13 +84,30 @@ def _is_convex(outline: NDArray[np.float64]) -> bool:
 
 
 def skirt(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> Quads:
-    """Return the quads between two rings (N, 3), facing outwards when `upper` is above or inside `lower`."""
+    """Make the quads between two rings; they face outwards if `upper` is above or inside `lower`.
+
+    Args:
+        lower: Lower ring (N, 3) [m].
+        upper: Upper ring (N, 3) [m].
+
+    Returns:
+        Quads (N, 4, 3).
+    """
     return np.stack([lower, np.roll(lower, -1, axis=0), np.roll(upper, -1, axis=0), upper], axis=1)
 
 
 def flat_roof(outline: NDArray[np.float64], *, height_m: float, parapet_m: float) -> tuple[Quads, Quads]:
-    """Return the deck with the parapet's inner face, and the coping on walls of `height_m + parapet_m`."""
-    inner, outer = grown(outline, -0.25), grown(outline, 0.05)
+    """Make a flat roof behind a parapet, for walls that end at `height_m + parapet_m`.
+
+    Args:
+        outline: Counter-clockwise footprint (N, 2) [m].
+        height_m: Height of the deck [m].
+        parapet_m: Height of the parapet above the deck [m].
+
+    Returns:
+        Quads of the deck with the inner face of the parapet, and quads of the coping.
+    """
+    inner, outer = offset_outline(outline, -0.25), offset_outline(outline, 0.05)
     top = height_m + parapet_m
     inside = skirt(raised(inner, top), raised(inner, height_m))
     coping = [
@@ -72,8 +120,18 @@ def flat_roof(outline: NDArray[np.float64], *, height_m: float, parapet_m: float
 
 
 def mansard_roof(outline: NDArray[np.float64], *, height_m: float, inset_m: float, rise_m: float) -> Quads:
-    """Return slopes that lean in by `inset_m` over `rise_m`, closed by a level top."""
-    eaves, top = grown(outline, 0.3), grown(outline, -inset_m)
+    """Make a mansard roof closed by a level top.
+
+    Args:
+        outline: Counter-clockwise footprint (N, 2) [m].
+        height_m: Height of the walls [m].
+        inset_m: Horizontal extent of the slopes [m].
+        rise_m: Vertical extent of the slopes [m].
+
+    Returns:
+        Quads (M, 4, 3).
+    """
+    eaves, top = offset_outline(outline, 0.3), offset_outline(outline, -inset_m)
     drop = height_m - 0.3 * rise_m / inset_m
     slopes = skirt(raised(eaves, drop), raised(top, height_m + rise_m))
     soffit = skirt(raised(outline, drop), raised(eaves, drop))
@@ -83,12 +141,19 @@ def mansard_roof(outline: NDArray[np.float64], *, height_m: float, inset_m: floa
 def pitched_roof(
     outline: NDArray[np.float64], overhang_m: NDArray[np.float64], *, height_m: float, slope: float, hip: bool
 ) -> tuple[Quads, Quads, NDArray[np.float64]]:
-    """Return surfaces, gable walls and ridge (2, 3) over a quadrilateral with eaves on edges 0 and 2.
+    """Make a gable or hip roof over a quadrilateral, with eaves on edges 0 and 2.
 
-    `overhang_m` (4,) is how far the roof reaches past each edge; `slope` is rise over run. A hip roof has
-    no gables.
+    Args:
+        outline: Counter-clockwise footprint (4, 2) [m].
+        overhang_m: Overhang beyond each edge (4,) [m].
+        height_m: Height of the walls [m].
+        slope: Rise over run of the roof.
+        hip: Whether it is a hip roof, which has no gables.
+
+    Returns:
+        Quads of the surfaces, quads of the gable walls, and the ends of the ridge (2, 3) [m].
     """
-    outer = grown(outline, overhang_m)
+    outer = offset_outline(outline, overhang_m)
     ridge = 0.5 * (outline + np.roll(outline, -1, axis=0))[[3, 1]]  # over edges 3 and 1
     run = 0.25 * float(np.linalg.norm(outline[0] - outline[3]) + np.linalg.norm(outline[1] - outline[2]))
     top, drop = height_m + slope * run, height_m - slope * float(max(overhang_m[[0, 2]]))
@@ -127,7 +192,18 @@ def pitched_roof(
 def upright_box(
     centre: ArrayLike, size_m: tuple[float, float], *, bottom_m: float, top_m: float, yaw_rad: float = 0.0
 ) -> Quads:
-    """Return a box without underside about `centre` (2,), for chimneys and plant on roofs."""
+    """Make a box without underside, as for chimneys and equipment on roofs.
+
+    Args:
+        centre: Centre (2,) [m].
+        size_m: Length and width [m].
+        bottom_m: Height of the bottom [m].
+        top_m: Height of the top [m].
+        yaw_rad: Heading of its length [rad].
+
+    Returns:
+        Quads (5, 4, 3).
+    """
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     corner = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * size_m
     outline = corner @ np.array([[cos, sin], [-sin, cos]]) + np.asarray(centre)

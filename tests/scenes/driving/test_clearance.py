@@ -20,10 +20,11 @@ from echoscape.scenes.driving.ego_drive import EGO_EXTENT_M, plan_ego_drive
 from echoscape.scenes.driving.route import LaneNetwork
 from echoscape.scenes.roads.ground_mesh import ground_plan
 from echoscape.scenes.town.build import build_town, road_network
-from echoscape.scenes.town.parcels import Parcel, plant
-from echoscape.scenes.town.placement import Assembly, Taken
+from echoscape.scenes.town.gardens import plant_garden
+from echoscape.scenes.town.parcels import CityBlock
+from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
 from echoscape.scenes.town.presets import PRESETS, Preset
-from echoscape.scenes.traffic.pedestrians import walking_rounds
+from echoscape.scenes.traffic.pedestrians import walking_loops
 from echoscape.scenes.traffic.plan import TrafficSettings, plan_traffic
 from echoscape.scenes.traffic.swept_path import SweptPaths
 from echoscape.scenes.traffic.vehicles import vehicle_track
@@ -36,10 +37,10 @@ Extent = tuple[float, float, float]
 
 
 def _small(name: str) -> Preset:
-    growth = PRESETS[name].growth
-    assert growth is not None
-    few = replace(growth, half_size_m=(190.0, 170.0), roundabouts=1, removed=0.0)
-    return replace(PRESETS[name], growth=few, margin_m=20.0)
+    subdivision = PRESETS[name].subdivision
+    assert subdivision is not None
+    few = replace(subdivision, half_size_m=(190.0, 170.0), roundabouts=1, removed_share=0.0)
+    return replace(PRESETS[name], subdivision=few, margin_m=20.0)
 
 
 _OTHERS = [pytest.param(name, marks=pytest.mark.slow) for name in ("suburb", "industrial")]
@@ -54,7 +55,7 @@ def small_town(request: pytest.FixtureRequest) -> Iterator[Scene]:
 
 
 def _obstacles(town: Scene) -> Obstacles:
-    places = [*(lane.centre for lane in town.roads.lanes), *town.roads.walks]
+    places = [*(lane.centre for lane in town.roads.lanes), *town.roads.footpaths]
     return Obstacles(town, near=np.concatenate(places))
 
 
@@ -119,7 +120,7 @@ def test_nobody_touches_what_stands(small_town: Scene, request: pytest.FixtureRe
 def test_every_walk_is_free_from_end_to_end(small_town: Scene) -> None:
     obstacles = _obstacles(small_town)
     extent = next(kind.extent_m for kind in vehicle_prototypes() if kind.name == "pedestrian_walking")
-    rounds = [way for walk in small_town.roads.walks for way in walking_rounds(walk)]
+    rounds = [way for walk in small_town.roads.footpaths for way in walking_loops(walk)]
     assert len(rounds) > 5
     for way in rounds:
         step = np.diff(way.xy, axis=0)
@@ -150,7 +151,7 @@ def check_long_vehicles(town: Scene, carriageway: BaseGeometry) -> int:
         length, width, _ = kind.extent_m
         if length < 7.0:
             continue
-        for way in _ways(town.roads, swept.loop(length, width)):
+        for way in _ways(town.roads, swept.drivable_lanes(length, width)):
             begin, end = length, sum(town.roads.lanes[lane].length_m for lane in way) - length
             before = town.roads.lanes[way[0]].length_m
             begin, end = max(begin, before - 20.0), min(end, end - town.roads.lanes[way[-1]].length_m + 20.0)
@@ -186,11 +187,11 @@ def test_crowns_that_reach_the_ground_keep_off_what_is_taken() -> None:
     kinds, kerb = tree_prototypes(), 0.12
     planted, missing = set(), 0
     for seed in range(150):
-        assembly, taken = Assembly(kinds), Taken()
-        taken.add(strip)
-        plot = Parcel(block=garden, taken=taken, base_m=kerb, reach_m=8.0)
-        plant(assembly, garden, plot, chance=1.0, rng=np.random.default_rng(seed))
-        placed = assembly.placements()
+        builder, occupied = SceneBuilder(kinds), OccupiedArea()
+        occupied.add(strip)
+        block = CityBlock(outline=garden, occupied=occupied, base_m=kerb, inradius_m=8.0)
+        plant_garden(builder, garden, block, chance=1.0, rng=np.random.default_rng(seed))
+        placed = builder.placements()
         missing += len(placed.yaw) == 0
         for number, place, yaw, scale in zip(
             placed.prototype, placed.position, placed.yaw, placed.scale, strict=True
@@ -234,27 +235,27 @@ def test_bends_are_open_to_what_stays_on_them(radius_m: float) -> None:
     for length in (8.0, 10.0, 12.0, 14.0):
         inward = radius_m - np.sqrt(radius_m**2 - (0.3 * length) ** 2) + 0.5 / radius_m
         half = 1.65 + 0.4 - inward
-        assert swept.loop(length, 2 * (half - 0.08)).all()
-        assert not swept.loop(length, 2 * (half + 0.13)).any()
+        assert swept.drivable_lanes(length, 2 * (half - 0.08)).all()
+        assert not swept.drivable_lanes(length, 2 * (half + 0.13)).any()
 
 
 @pytest.mark.parametrize("radius_m", [10.0, 12.0, 16.0])
 @pytest.mark.parametrize("length_m", [8.0, 12.0])
 def test_bends_are_closed_to_what_swings_its_front_over_the_kerb(radius_m: float, length_m: float) -> None:
     open_roads, width = _racecourse(radius_m, 3.3), 2.0
-    assert SweptPaths(LaneNetwork(open_roads)).loop(length_m, width).all()
+    assert SweptPaths(LaneNetwork(open_roads)).drivable_lanes(length_m, width).all()
     line = radius_m - 0.5 / radius_m
     middle = np.sqrt(line**2 - (0.3 * length_m) ** 2)
     corner = np.hypot(middle + width / 2, length_m / 2)
 
-    def loop(kerb_m: float) -> NDArray[np.bool_]:
+    def drivable_lanes(kerb_m: float) -> NDArray[np.bool_]:
         outer = shapely.LineString([(0.0, 0.0), (40.0, 0.0)]).buffer(kerb_m, quad_segs=64).exterior
         kerbs = (np.asarray(outer.coords),)
-        return SweptPaths(LaneNetwork(replace(open_roads, kerbs=kerbs))).loop(length_m, width)
+        return SweptPaths(LaneNetwork(replace(open_roads, kerbs=kerbs))).drivable_lanes(length_m, width)
 
     # A tenth of a metre, of mirrors, may hang over on either side, and half as much ahead.
-    assert loop(corner + 0.03).all()
-    assert not loop(corner - 0.18).any()
+    assert drivable_lanes(corner + 0.03).all()
+    assert not drivable_lanes(corner - 0.18).any()
 
 
 def test_long_vehicles_keep_both_axles_on_the_line() -> None:

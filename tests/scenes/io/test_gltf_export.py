@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from echoscape.scenes.core.scene import Scene
-from echoscape.scenes.io.gltf_export import town_scene, town_to_glb
+from echoscape.scenes.io.gltf_export import gltf_scene, scene_to_glb
 from echoscape.scenes.town.build import build_town
 
 
@@ -17,7 +17,7 @@ def town() -> Scene:
 
 
 def test_prototypes_are_stored_once_and_placed_by_nodes(town: Scene) -> None:
-    scene = town_scene(town)
+    scene = gltf_scene(town)
     used = np.unique(town.placements.prototype)
     parts = sum(len(town.prototypes[row].parts) for row in used)
     assert len(scene.geometry) == len(town.static) + parts
@@ -26,7 +26,7 @@ def test_prototypes_are_stored_once_and_placed_by_nodes(town: Scene) -> None:
 
 
 def test_the_file_has_the_towns_extent_with_y_upwards(town: Scene) -> None:
-    data = town_to_glb(town)
+    data = scene_to_glb(town)
     assert data[:4] == b"glTF"
     scene = trimesh.load_scene(io.BytesIO(data), file_type="glb")
     x0, y0, x1, y1 = town.bounds_m
@@ -38,7 +38,7 @@ def test_the_file_has_the_towns_extent_with_y_upwards(town: Scene) -> None:
 
 
 def test_a_placed_thing_stands_where_the_town_says(town: Scene) -> None:
-    scene = town_scene(town)
+    scene = gltf_scene(town)
     row = int(town.placements.prototype[0])
     prototype = town.prototypes[row]
     node = f"{prototype.name}/{next(iter(prototype.parts))}/{town.placements.instance[0]}"

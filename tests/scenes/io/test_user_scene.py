@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.scene import CLASSES
 from echoscape.scenes.core.target_meshes import with_targets
 from echoscape.scenes.core.targets import Target
-from echoscape.scenes.driving.clearance import first_contact
-from echoscape.scenes.io.gltf_export import town_to_glb
+from echoscape.scenes.driving.clearance import first_collision
+from echoscape.scenes.io.gltf_export import scene_to_glb
 from echoscape.scenes.io.strict_toml import SceneError
-from echoscape.scenes.io.user_drive import DrivePlan, own_drive
-from echoscape.scenes.io.user_scene import UserWorld, build_own_scene, read_user_scene
+from echoscape.scenes.io.user_drive import DrivePlan, make_user_drive
+from echoscape.scenes.io.user_scene import BuiltUserScene, build_user_scene, read_user_scene
 from tests.paths import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -31,11 +31,13 @@ ALL = '\n[default]\nmaterial = "concrete"\nclass = "building"\n'
 TRIANGLE = "v 20 0 0\nv 21 0 0\nv 20 0 1\nf 1 2 3\n"
 
 
-def _world(folder: Path, mesh: str | bytes, text: str = ALL + STAND, name: str = "yard.obj") -> UserWorld:
+def _world(
+    folder: Path, mesh: str | bytes, text: str = ALL + STAND, name: str = "yard.obj"
+) -> BuiltUserScene:
     """Build the scene of a mesh file and of the TOML text below its `file` key."""
     (folder / name).write_bytes(mesh if isinstance(mesh, bytes) else mesh.encode())
     (folder / "yard.toml").write_text(f'file = "{name}"\n{text}')
-    return build_own_scene(read_user_scene(folder / "yard.toml"))
+    return build_user_scene(read_user_scene(folder / "yard.toml"))
 
 
 def _box(*, low: tuple[float, float, float], size: tuple[float, float, float]) -> trimesh.Trimesh:
@@ -44,9 +46,9 @@ def _box(*, low: tuple[float, float, float], size: tuple[float, float, float]) -
     return box
 
 
-def _corners(world: UserWorld) -> NDArray[np.float32]:
+def _corners(world: BuiltUserScene) -> NDArray[np.float32]:
     """Return all triangles, as rows of nine numbers in order."""
-    rows = np.concatenate([mesh.vertices[mesh.faces] for mesh in world.town.static.values()]).reshape(-1, 9)
+    rows = np.concatenate([mesh.vertices[mesh.faces] for mesh in world.scene.static.values()]).reshape(-1, 9)
     return rows[np.lexsort(rows.T)]
 
 
@@ -75,7 +77,7 @@ def test_y_up_becomes_z_up_and_scale_multiplies(tmp_path: Path) -> None:
 def test_gltf_is_y_up_unless_something_else_is_said(tmp_path: Path) -> None:
     data = _bytes(_box(low=(10, 0, 0), size=(2, 7, 4)), "glb")
     tops = [
-        _world(tmp_path, data, up + ALL + STAND, name="y.glb").town.static["concrete"].vertices[:, 2].max()
+        _world(tmp_path, data, up + ALL + STAND, name="y.glb").scene.static["concrete"].vertices[:, 2].max()
         for up in ("", 'up = "z"\n')
     ]
     assert tops == [7.0, 4.0]
@@ -91,7 +93,7 @@ def test_nodes_are_placed_and_mirrored_ones_keep_their_outside(tmp_path: Path) -
     world = _world(
         tmp_path, data, 'up = "z"\n' + ALL + "[drive]\nposes = [[0, 9, 9, 0], [1, 9, 9, 0]]", "a.glb"
     )
-    mesh = world.town.static["concrete"]
+    mesh = world.scene.static["concrete"]
     assert world.names == ("none", "left", "right")
     for instance, volume in ((1, 2.0), (2, 1.0)):
         a, b, c = np.moveaxis(mesh.vertices[mesh.faces[mesh.instance == instance]].astype(float), 1, 0)
@@ -101,13 +103,13 @@ def test_nodes_are_placed_and_mirrored_ones_keep_their_outside(tmp_path: Path) -
 
 def test_a_town_that_was_written_comes_back_as_it_was(tmp_path: Path) -> None:
     shutil.copy(EXAMPLES / "yard.obj", tmp_path)
-    first = build_own_scene(read_user_scene(EXAMPLES / "yard.toml"))
+    first = build_user_scene(read_user_scene(EXAMPLES / "yard.toml"))
     rules = "".join(
         f'[[object]]\nname = "static/{name}"\nmaterial = "{name}"\nclass = "wall"\n'
-        for name in first.town.static
+        for name in first.scene.static
     )
-    second = _world(tmp_path, town_to_glb(first.town), rules + STAND, "scene.glb")
-    assert list(second.town.static) == list(first.town.static)
+    second = _world(tmp_path, scene_to_glb(first.scene), rules + STAND, "scene.glb")
+    assert list(second.scene.static) == list(first.scene.static)
     assert_allclose(_corners(second), _corners(first), atol=1e-5)
 
 
@@ -141,15 +143,15 @@ def _rules(*rules: tuple[str, str, str]) -> str:
 def test_the_first_rule_that_fits_counts(tmp_path: Path) -> None:
     text = _rules(("pane", "glass", "wall"), ("wall_?", "brick", "wall"), ("*", "metal", "tree")) + STAND
     world = _world(tmp_path, TWO, text)
-    assert {name: len(mesh.faces) for name, mesh in world.town.static.items()} == {"brick": 2, "glass": 1}
+    assert {name: len(mesh.faces) for name, mesh in world.scene.static.items()} == {"brick": 2, "glass": 1}
 
 
 def test_an_object_of_two_materials_is_one_instance(tmp_path: Path) -> None:
     world = _world(tmp_path, TWO, _rules(("pane", "glass", "wall"), ("wall_?", "brick", "wall")) + STAND)
     assert world.names == ("none", "wall_a", "wall_b")
-    assert world.town.static["glass"].instance.tolist() == [1]
-    assert sorted(world.town.static["brick"].instance.tolist()) == [1, 2]
-    assert [CLASSES[number] for number in world.town.instance_class] == ["none", "wall", "wall"]
+    assert world.scene.static["glass"].instance.tolist() == [1]
+    assert sorted(world.scene.static["brick"].instance.tolist()) == [1, 2]
+    assert [CLASSES[number] for number in world.scene.instance_class] == ["none", "wall", "wall"]
 
 
 def test_what_is_skipped_is_not_there(tmp_path: Path) -> None:
@@ -183,7 +185,7 @@ def test_gltf_nodes_of_several_materials_are_known_by_node_mesh_and_material(tmp
         ("pane", "glass", "building"), ("Shed", "wood", "building"), ("Cube*", "brick", "building")
     )
     world = _world(tmp_path, json.dumps(content), rules + STAND, name="yard.gltf")
-    faces_of = {name: len(mesh.faces) for name, mesh in world.town.static.items()}
+    faces_of = {name: len(mesh.faces) for name, mesh in world.scene.static.items()}
     assert faces_of == {"brick": 1, "glass": 2, "wood": 1}
     assert world.names == ("none", "House", "Shed")
     before = read_user_scene(tmp_path / "yard.toml").sha256
@@ -194,7 +196,7 @@ def test_gltf_nodes_of_several_materials_are_known_by_node_mesh_and_material(tmp
 def test_degenerate_faces_are_left_out_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
         world = _world(tmp_path, TRIANGLE + "v 22 0 0\nf 1 2 4\n")
-    assert len(world.town.static["concrete"].faces) == 1
+    assert len(world.scene.static["concrete"].faces) == 1
     assert "1 degenerate faces left out" in caplog.text
 
 
@@ -307,7 +309,7 @@ def test_a_mesh_that_changed_since_is_refused(tmp_path: Path) -> None:
     scene = read_user_scene(tmp_path / "yard.toml")
     (tmp_path / "yard.obj").write_text(TRIANGLE.replace("21", "22"))
     with pytest.raises(SceneError, match=r"yard\.obj: changed since"):
-        build_own_scene(scene)
+        build_user_scene(scene)
 
 
 def test_many_objects_without_a_rule_are_told_by_the_first_names(tmp_path: Path) -> None:
@@ -321,7 +323,7 @@ def test_many_objects_without_a_rule_are_told_by_the_first_names(tmp_path: Path)
 
 def test_waypoints_are_driven_through_at_the_speed_given_looking_along() -> None:
     points = ((0.0, 0.0), (10.0, 5.0), (25.0, 0.0), (30.0, -12.0))
-    drive = own_drive(DrivePlan(waypoints=points, speed_mps=4.0, z_m=1.5))
+    drive = make_user_drive(DrivePlan(waypoints=points, speed_mps=4.0, z_m=1.5))
     times = np.linspace(0, drive.duration_s, 4001)
     pose, rate = drive.trajectory.pose(times), drive.trajectory.velocity(times)
     for point in points:
@@ -337,7 +339,7 @@ def test_waypoints_are_driven_through_at_the_speed_given_looking_along() -> None
 
 
 def test_two_waypoints_make_a_straight_line() -> None:
-    drive = own_drive(DrivePlan(waypoints=((1.0, 1.0), (1.0, 21.0)), speed_mps=5.0))
+    drive = make_user_drive(DrivePlan(waypoints=((1.0, 1.0), (1.0, 21.0)), speed_mps=5.0))
     assert_allclose(drive.duration_s, 4.0)
     assert_allclose(drive.pose(np.array([0.0, 1.0, 4.0])), [[1, 1, 0, np.pi / 2], [1, 6, 0, np.pi / 2],
                                                             [1, 21, 0, np.pi / 2]], atol=1e-9)  # fmt: skip
@@ -346,7 +348,7 @@ def test_two_waypoints_make_a_straight_line() -> None:
 def test_poses_are_met_and_what_stands_still_stays_still() -> None:
     rows = ((0.0, 0.0, 0.0, 350.0), (2.0, 0.0, 0.0, 350.0), (4.0, 0.0, 0.0, 350.0), (6.0, 8.0, 1.0, 10.0),
             (8.0, 16.0, 4.0, 20.0))  # fmt: skip
-    drive = own_drive(DrivePlan(poses=rows, z_m=0.5))
+    drive = make_user_drive(DrivePlan(poses=rows, z_m=0.5))
     poses = np.array(rows)
     pose = drive.pose(poses[:, 0])
     assert_allclose(pose[:, :2], poses[:, 1:3], atol=1e-12)
@@ -383,21 +385,21 @@ def test_the_car_meets_what_is_in_its_way(
 ) -> None:
     text = ALL + "[drive]\nwaypoints = [[0, 0], [30, 0]]\nspeed_mps = 10\n"
     world = _world(tmp_path, _bytes(_box(low=low, size=size), "obj"), text)
-    contact = first_contact(world.town, world.drive.trajectory, until_s=3.0, height_m=2.0)
+    contact = first_collision(world.scene, world.drive.trajectory, until_s=3.0, height_m=2.0)
     assert (contact is not None) == hit
     if contact is not None:
         assert world.names[contact.instance] == "yard"
         # The front, 2.4 m ahead of the middle, gets there first.
-        assert_allclose(contact.place_m, (low[0] - 2.4, 0.0), atol=0.15)
+        assert_allclose(contact.position_m, (low[0] - 2.4, 0.0), atol=0.15)
         assert_allclose(contact.time_s, (low[0] - 2.4) / 10, atol=0.015)
 
 
 def test_a_slope_is_met_where_it_is_higher_than_what_is_driven_over(tmp_path: Path) -> None:
     ramp = "v 10 -9 0\nv 40 -9 3\nv 40 9 3\nv 10 9 0\nf 1 2 3 4\n"  # 0.3 m high at x = 13
     world = _world(tmp_path, ramp, ALL + "[drive]\nwaypoints = [[0, 0], [30, 0]]\nspeed_mps = 10\n")
-    contact = first_contact(world.town, world.drive.trajectory, until_s=3.0, height_m=2.0)
+    contact = first_collision(world.scene, world.drive.trajectory, until_s=3.0, height_m=2.0)
     assert contact is not None
-    assert_allclose(contact.place_m[0] + 2.4, 13.0, atol=0.15)
+    assert_allclose(contact.position_m[0] + 2.4, 13.0, atol=0.15)
 
 
 def test_only_what_is_met_in_time_counts_and_points_count_too(tmp_path: Path) -> None:
@@ -406,10 +408,12 @@ def test_only_what_is_met_in_time_counts_and_points_count_too(tmp_path: Path) ->
         TRIANGLE.replace("v 2", "v 9"),
         ALL + "[drive]\nwaypoints = [[0, 0], [30, 0]]\nspeed_mps = 10\n",
     )
-    town = with_targets(world.town, [Target(kind="point", position_m=(20.0, 0.5, 1.0))])
+    town = with_targets(world.scene, [Target(kind="point", position_m=(20.0, 0.5, 1.0))])
     track = world.drive.trajectory
-    assert first_contact(town, track, until_s=1.7, height_m=2.0) is None
-    contact = first_contact(town, track, until_s=1.8, height_m=2.0)
+    assert first_collision(town, track, until_s=1.7, height_m=2.0) is None
+    contact = first_collision(town, track, until_s=1.8, height_m=2.0)
     assert contact is not None
     assert contact.instance == town.targets[0].instance
-    assert first_contact(town, track, until_s=3.0, height_m=2.0, since=contact.instance + 1) is None
+    assert (
+        first_collision(town, track, until_s=3.0, height_m=2.0, first_instance=contact.instance + 1) is None
+    )

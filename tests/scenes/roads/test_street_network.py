@@ -5,16 +5,16 @@ import pytest
 import shapely
 
 from echoscape.scenes.geometry.curves import bulb, headings, smallest_radius
-from echoscape.scenes.roads.street_network import Growth, Network
-from echoscape.scenes.roads.subdivision import grown_network
+from echoscape.scenes.roads.street_network import Network
+from echoscape.scenes.roads.subdivision import SubdivisionSettings, subdivided_network
 from echoscape.scenes.town.presets import PRESETS
 
 
 @pytest.fixture(scope="module", params=["town", "suburb", "industrial"])
 def network(request: pytest.FixtureRequest) -> Network:
-    growth = PRESETS[request.param].growth
-    assert growth is not None
-    return grown_network(growth, rng=np.random.default_rng(5))
+    subdivision = PRESETS[request.param].subdivision
+    assert subdivision is not None
+    return subdivided_network(subdivision, rng=np.random.default_rng(5))
 
 
 def test_streets_enclose_a_square_kilometre(network: Network) -> None:
@@ -59,7 +59,9 @@ def test_streets_curve_gently_and_do_not_cross_outside_junctions(network: Networ
 
 
 def test_equal_seeds_grow_equal_streets() -> None:
-    first, second = (grown_network(Growth(), rng=np.random.default_rng(3)) for _ in range(2))
+    first, second = (
+        subdivided_network(SubdivisionSettings(), rng=np.random.default_rng(3)) for _ in range(2)
+    )
     np.testing.assert_array_equal(first.junctions, second.junctions)
 
 

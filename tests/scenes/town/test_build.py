@@ -135,8 +135,8 @@ def test_ground_faces_upwards(town: Scene) -> None:
 
 
 def test_walks_keep_off_roads_and_out_of_buildings(town: Scene) -> None:
-    assert len(town.roads.walks) > 20
-    lines = [shapely.LineString(walk) for walk in town.roads.walks]
+    assert len(town.roads.footpaths) > 20
+    lines = [shapely.LineString(walk) for walk in town.roads.footpaths]
     lanes = [shapely.LineString(lane.centre[::2]).buffer(1.5) for lane in town.roads.lanes]
     assert shapely.STRtree(lanes).query(lines, predicate="intersects").size == 0
     for mesh in town.static.values():

@@ -15,11 +15,11 @@ from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.core.scene import Mover, Prototype, Scene
 from echoscape.scenes.core.trajectory import Trajectory
 from echoscape.scenes.driving.ego_drive import EGO_EXTENT_M, EgoDrive, plan_ego_drive
-from echoscape.scenes.roads.ground_mesh import ASIDE_M
-from echoscape.scenes.traffic.car_following import interaction
+from echoscape.scenes.roads.ground_mesh import WALKING_OFFSET_M
+from echoscape.scenes.traffic.car_following import idm_acceleration
 from echoscape.scenes.traffic.collisions import boxes_touch, overlaps
-from echoscape.scenes.traffic.microsimulation import Fleet, flow
-from echoscape.scenes.traffic.pedestrians import PACE_MPS, pedestrian_track, walking_rounds
+from echoscape.scenes.traffic.microsimulation import Fleet, simulate_traffic
+from echoscape.scenes.traffic.pedestrians import PACE_MPS, pedestrian_track, walking_loops
 from echoscape.scenes.traffic.plan import TrafficSettings, plan_traffic
 from echoscape.scenes.traffic.right_of_way import conflicting_lanes
 
@@ -41,7 +41,7 @@ def _vehicles(movers: tuple[Mover, ...]) -> list[Mover]:
 
 def _taken_out(caplog: pytest.LogCaptureFixture) -> int:
     messages = [record.getMessage() for record in caplog.records]
-    return sum(int(message.split()[2]) for message in messages if message.startswith("took out"))
+    return sum(int(message.split()[1]) for message in messages if message.startswith("removed"))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -151,14 +151,14 @@ def test_followers_keep_their_distance(straight: RoadGraph) -> None:
         lane=np.array([0, 0, 0]),
         station_m=np.array([60.0, 40.0, 20.0]),
         length_m=np.full(3, 4.5),
-        top_mps=np.array([4.0, 13.0, 13.0]),
-        zeal=np.ones(3),
-        liking=np.ones(len(straight.lanes)),
+        max_speed_mps=np.array([4.0, 13.0, 13.0]),
+        speed_factor=np.ones(3),
+        lane_weight=np.ones(len(straight.lanes)),
         may_use=np.ones((3, len(straight.lanes)), dtype=bool),
     )
     drive = plan_ego_drive(straight, seed=3, duration_s=40)
     far = replace(drive, travel_m=np.full_like(drive.travel_m, 0.0))  # the radar car stays where nobody is
-    record = flow(straight, far, slow_lead, step_s=0.2, rng=np.random.default_rng(0))
+    record = simulate_traffic(straight, far, slow_lead, step_s=0.2, rng=np.random.default_rng(0))
     gap = -np.diff(record.travel_m, axis=1) - 4.5
     assert gap.min() > 1.5
     # In the end all go at the speed of the first, at s0 + v T = 2.5 + 4 x 1.4 m, a little more for v / v0.
@@ -169,7 +169,7 @@ def test_followers_keep_their_distance(straight: RoadGraph) -> None:
 def test_interaction_vanishes_at_the_wanted_gap_and_grows_as_the_gap_closes() -> None:
     speed = np.full(3, 10.0)
     gap = np.array([2.5 + 10.0 * 1.4, 10.0, 5.0])
-    acceleration = interaction(speed, gap, np.zeros(3))
+    acceleration = idm_acceleration(speed, gap, np.zeros(3))
     assert_allclose(acceleration[0], 0.0, atol=1e-12)
     assert acceleration[2] < acceleration[1] < 0
 
@@ -202,11 +202,11 @@ def _walk(closed: bool) -> np.ndarray:
 @pytest.mark.parametrize("closed", [False, True])
 def test_people_stay_on_their_walk_at_their_pace(*, closed: bool) -> None:
     line = np.concatenate([np.linspace(a, b, 400) for a, b in pairwise(_walk(closed))])
-    for way in walking_rounds(_walk(closed)):
+    for way in walking_loops(_walk(closed)):
         track = pedestrian_track(way, start_m=3.0, pace_mps=1.4, duration_s=200.0)
         time = np.linspace(0, 199, 3000)
         off, _ = KDTree(line).query(track.pose(time)[:, :2])
-        assert off.max() < ASIDE_M + 0.4  # sharp corners are rounded
+        assert off.max() < WALKING_OFFSET_M + 0.4  # sharp corners are rounded
         assert_allclose(np.hypot(*track.velocity(time)[:, :2].T), 1.4, atol=0.3)
         assert_allclose(track.pose(time)[:, 2], 0.12)
 
@@ -214,13 +214,13 @@ def test_people_stay_on_their_walk_at_their_pace(*, closed: bool) -> None:
 @settings(max_examples=10, deadline=None)
 @given(pace=st.floats(*PACE_MPS), apart_m=st.floats(2.0, 40.0))
 def test_people_on_one_walk_never_meet(pace: float, apart_m: float) -> None:
-    way = walking_rounds(_walk(closed=False))[0]
+    way = walking_loops(_walk(closed=False))[0]
     tracks = [
         pedestrian_track(way, start_m=start, pace_mps=pace, duration_s=120.0) for start in (0.0, apart_m)
     ]
     time = np.linspace(0, 120, 2000)
     between = np.hypot(*(tracks[0].pose(time) - tracks[1].pose(time))[:, :2].T)
-    assert between.min() > 2 * ASIDE_M - 0.3
+    assert between.min() > 2 * WALKING_OFFSET_M - 0.3
 
 
 # ---------------------------------------------------------------------- boxes

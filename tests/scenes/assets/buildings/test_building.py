@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from echoscape.scenes.assets.buildings.building import MAX_OVERHANG_M, STYLES, Style, building, top_limit_m
 from echoscape.scenes.assets.buildings.facade import grid, panes, pierced_wall, ribs
-from echoscape.scenes.assets.buildings.roof import grown, signed_area
+from echoscape.scenes.assets.buildings.roof import offset_outline, signed_area
 from echoscape.scenes.core.materials import MATERIALS
 from echoscape.scenes.core.scene import Mesh
 from echoscape.scenes.geometry.primitives import areas
@@ -130,8 +130,8 @@ def test_ribs_close_the_wall_and_stand_out_by_their_depth() -> None:
 
 
 def test_grown_moves_every_edge_by_its_distance() -> None:
-    assert signed_area(grown(RECTANGLE, 1.0)) == pytest.approx(20 * 13)
-    assert signed_area(grown(RECTANGLE, np.array([1.0, 0.0, 0.0, 0.0]))) == pytest.approx(18 * 12)
+    assert signed_area(offset_outline(RECTANGLE, 1.0)) == pytest.approx(20 * 13)
+    assert signed_area(offset_outline(RECTANGLE, np.array([1.0, 0.0, 0.0, 0.0]))) == pytest.approx(18 * 12)
 
 
 def first_hits(parts: dict[str, Mesh], origin: np.ndarray, way: np.ndarray) -> np.ndarray:
