@@ -84,6 +84,9 @@ def write(scan: PolarScan, watch: Stopwatch) -> None:
     Args:
         scan: The scan with its truth.
         watch: Records the times.
+
+    Raises:
+        RuntimeError: The scan has no truth.
     """
     if scan.truth is None:
         raise RuntimeError("a simulated scan has its truth")

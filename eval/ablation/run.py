@@ -136,6 +136,9 @@ def changes(found: CaseScans) -> list[ArtefactChange]:
 
     Returns:
         One entry for each strength, the first without the artefact.
+
+    Raises:
+        ValueError: A scan has no truth.
     """
     base = levels_db(found.scans[0])
     rows = []

@@ -46,8 +46,8 @@ def isolated_peaks(codes: Codes, range_m: Ranges, bin_m: float) -> NDArray[np.in
     Returns:
         Azimuth and range bin (peaks, 2); equal neighbours all count, peaks too near an end are left out.
     """
-    rows, bins = reach(codes, bin_m)
-    top = maximum_filter(codes, (2 * rows + 1, 2 * bins + 1), mode=("wrap", "nearest"))  # type: ignore[arg-type]
+    azimuths, bins = reach(codes, bin_m)
+    top = maximum_filter(codes, (2 * azimuths + 1, 2 * bins + 1), mode=("wrap", "nearest"))  # type: ignore[arg-type]
     peak = (codes == top) & (codes >= _MIN_CODE)
     peak[:, (range_m < _FIRST_M) | (range_m >= _LAST_M)] = False
     peak[:, :bins] = False
@@ -69,11 +69,11 @@ def profiles(
         Profiles over range (peaks, 2 bins + 1) and azimuth (peaks, 2 azimuths + 1), relative to the peak
         [dB].
     """
-    rows, bins = reach(codes, bin_m)
-    row, column = peaks[:, :1], peaks[:, 1:]
-    top = codes[row, column].astype(np.float32)
-    along = codes[row, column + np.arange(-bins, bins + 1)]
-    across = codes[(row + np.arange(-rows, rows + 1)) % len(codes), column]
+    azimuths, bins = reach(codes, bin_m)
+    azimuth, column = peaks[:, :1], peaks[:, 1:]
+    top = codes[azimuth, column].astype(np.float32)
+    along = codes[azimuth, column + np.arange(-bins, bins + 1)]
+    across = codes[(azimuth + np.arange(-azimuths, azimuths + 1)) % len(codes), column]
     return (along - top) / np.float32(2), (across - top) / np.float32(2)
 
 

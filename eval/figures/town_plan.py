@@ -15,11 +15,11 @@ from echoscape.eval.figures.style import GROUND_COLOUR, MATERIAL_COLOURS, OTHER_
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 
 _LIGHT = np.array([-0.5, 0.5, 0.7]) / np.linalg.norm([-0.5, 0.5, 0.7])
-_FLATTEST = 0.25
-"""Faces whose normal points up by less than this are walls and not drawn."""
-_FINENESS = 2
+_MIN_UP = 0.25
+"""Upward part of the normal below which a face counts as upright and is not drawn."""
+_OVERSAMPLING = 2
 _LINE_PIXELS = 1.5
-"""Width of upright faces, where they are drawn."""
+"""Width of upright faces where they are drawn [px]."""
 
 Window = tuple[float, float, float, float]
 """x0, y0, x1, y1 [m] in the world."""
@@ -59,8 +59,8 @@ def plan_image(
     """
     triangles, colours, upright = _visible(_scene(scene_file), window, all_faces=all_faces)
     order = np.argsort(triangles[:, :, 2].mean(axis=1), kind="stable")
-    rows = round(pixels * (window[3] - window[1]) / (window[2] - window[0]))
-    figure = Figure(figsize=(1, rows / pixels), dpi=pixels * _FINENESS, facecolor=GROUND_COLOUR)
+    height = round(pixels * (window[3] - window[1]) / (window[2] - window[0]))
+    figure = Figure(figsize=(1, height / pixels), dpi=pixels * _OVERSAMPLING, facecolor=GROUND_COLOUR)
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
@@ -72,12 +72,12 @@ def plan_image(
             facecolors=colours[order],
             edgecolors=colours[order],
             antialiased=False,
-            lw=np.where(upright[order], _LINE_PIXELS * _FINENESS * 72 / figure.dpi, 0.0),
+            lw=np.where(upright[order], _LINE_PIXELS * _OVERSAMPLING * 72 / figure.dpi, 0.0),
         )
     )
     canvas.draw()
     fine = np.asarray(canvas.buffer_rgba())[..., :3].astype(np.float32) / 255
-    return fine.reshape(rows, _FINENESS, pixels, _FINENESS, 3).mean(axis=(1, 3))
+    return fine.reshape(height, _OVERSAMPLING, pixels, _OVERSAMPLING, 3).mean(axis=(1, 3))
 
 
 def _scene(scene_file: Path) -> trimesh.Scene:
@@ -102,7 +102,7 @@ def _visible(
         large = np.ptp(corners[:, :, :2], axis=1).max(axis=1) > 20
         if all_faces:
             normal *= np.where(normal[:, 2:] < 0, -1, 1)
-        up = normal[:, 2] > _FLATTEST * length
+        up = normal[:, 2] > _MIN_UP * length
         kept = (inside | large) & (up | all_faces) & (length > 0)
         light = 0.35 + 0.85 * np.clip(normal[kept] @ _LIGHT / length[kept], 0, None)
         height = 0.92 + 0.012 * np.clip(corners[kept, :, 2].mean(axis=1), 0, 12)

@@ -69,19 +69,19 @@ class _Piece:
     box: NDArray[np.float64]
 
 
-def inventory(town: Scene) -> Inventory:
+def inventory(scene: Scene) -> Inventory:
     """Count triangles, objects and areas of a scene.
 
     Args:
-        town: The scene.
+        scene: The scene.
 
     Returns:
         Its counts.
     """
-    triangles = np.zeros(len(town.instance_class), np.int64)
+    triangles = np.zeros(len(scene.instance_class), np.int64)
     materials: dict[str, MaterialCount] = {}
     boxes = [np.full((2, 3), np.nan)]
-    for piece in _pieces(town):
+    for piece in _pieces(scene):
         triangles += np.bincount(piece.instance, minlength=len(triangles))
         before = materials.get(piece.material, MaterialCount(triangles=0, area_m2=0.0))
         materials[piece.material] = MaterialCount(
@@ -91,48 +91,48 @@ def inventory(town: Scene) -> Inventory:
     edges = np.array(boxes[1:] or [np.zeros((2, 3))])
     low, high = edges[:, 0].min(axis=0).tolist(), edges[:, 1].max(axis=0).tolist()
     return Inventory(
-        triangles_stored=_stored(town),
+        triangles_stored=_stored(scene),
         triangles_placed=int(triangles.sum()),
-        classes=_classes(town, triangles),
+        classes=_classes(scene, triangles),
         materials=dict(sorted(materials.items())),
         low_m=(low[0], low[1], low[2]),
         high_m=(high[0], high[1], high[2]),
     )
 
 
-def _classes(town: Scene, triangles: NDArray[np.int64]) -> dict[str, ClassCount]:
+def _classes(scene: Scene, triangles: NDArray[np.int64]) -> dict[str, ClassCount]:
     """Return the counts of the classes that occur, in the order of their ids; `triangles` (I,) by object."""
-    ids = town.instance_class.astype(np.intp)
+    ids = scene.instance_class.astype(np.intp)
     objects = np.bincount(ids[1:], minlength=len(CLASSES))
     faces = np.bincount(ids, weights=triangles, minlength=len(CLASSES))
     return {
-        name: ClassCount(objects=int(objects[row]), triangles=int(faces[row]))
-        for row, name in enumerate(CLASSES)
-        if objects[row]
+        name: ClassCount(objects=int(objects[class_id]), triangles=int(faces[class_id]))
+        for class_id, name in enumerate(CLASSES)
+        if objects[class_id]
     }
 
 
-def _stored(town: Scene) -> int:
+def _stored(scene: Scene) -> int:
     """Return the triangles of all meshes, each prototype that is placed counted once."""
-    used = np.unique(town.placements.prototype).tolist()
-    parts = [mesh for row in used for mesh in town.prototypes[row].parts.values()]
-    return sum(len(mesh.faces) for mesh in [*town.static.values(), *parts])
+    used = np.unique(scene.placements.prototype).tolist()
+    parts = [mesh for index in used for mesh in scene.prototypes[index].parts.values()]
+    return sum(len(mesh.faces) for mesh in [*scene.static.values(), *parts])
 
 
-def _pieces(town: Scene) -> Iterator[_Piece]:
+def _pieces(scene: Scene) -> Iterator[_Piece]:
     """Yield every mesh of every material at each of its placements."""
-    for material, mesh in town.static.items():
+    for material, mesh in scene.static.items():
         if len(mesh.faces):
             yield _Piece(
                 material=material, area=_areas(mesh), instance=mesh.instance, box=_box(mesh.vertices)
             )
-    placed = town.placements
-    for row, prototype in enumerate(town.prototypes):
+    placed = scene.placements
+    for index, prototype in enumerate(scene.prototypes):
         for material, mesh in prototype.parts.items():
             if len(mesh.faces) == 0:
                 continue
             area = _areas(mesh)
-            for i in np.flatnonzero(placed.prototype == row):
+            for i in np.flatnonzero(placed.prototype == index):
                 yaw, scale = float(placed.yaw[i]), float(placed.scale[i])
                 cos, sin = np.cos(yaw), np.sin(yaw)
                 turn = scale * np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
