@@ -1,16 +1,23 @@
-# `make demo` and `make test` each set up by themselves; PYTHON names another interpreter (3.11 or newer),
-# VENV another place for the packages. Nothing else is needed: pyright brings its own Node.
+# `make demo` and `make test` set up by themselves; PYTHON names another interpreter (3.11 to 3.13), VENV another
+# folder for the packages. Nothing else is needed: pyright brings its own Node.
 PYTHON ?= python3.11
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+PIP = $(BIN)/python -m pip install --quiet -c constraints.txt
+TORCH := torch==$(shell sed -n 's/^torch==//p' constraints.txt)
 
-.PHONY: demo picture fidelity training-set judge test test-slow lint bench clean
+.PHONY: demo figures fidelity training-set judge test test-slow lint bench clean
 
+# PyTorch for the CPU: from a folder of wheels that pip is configured to search (find-links), else by uv from
+# PyTorch's index of CPU builds, else the build that pip finds, which on Linux brings CUDA.
 $(READY): pyproject.toml constraints.txt hatch_build.py
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet -c constraints.txt torch
-	$(BIN)/python -m pip install --quiet -c constraints.txt --editable . pytest pytest-xdist hypothesis ruff "pyright[nodejs]"
+	$(PIP) --no-index --no-deps $(TORCH) 2> /dev/null \
+		|| { $(PIP) uv && $(BIN)/uv pip install --quiet --python $(BIN)/python --torch-backend=cpu $(TORCH); } \
+		|| { echo "make: no CPU build of PyTorch can be reached: installing the one with CUDA, some 6 GB" >&2; \
+			$(PIP) $(TORCH); }
+	$(PIP) --editable ".[learn]" pytest pytest-xdist hypothesis ruff "pyright[nodejs]"
 	touch $@
 
 demo: $(READY)
@@ -18,7 +25,7 @@ demo: $(READY)
 	$(BIN)/echoscape simulate demo --seed 7 --scans 40 --workers 2
 	$(BIN)/echoscape odometry demo --out demo/odometry
 
-picture: demo
+figures: demo
 	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.preview import small_copy; \
 		small_copy(Path('demo/preview.png'), Path('docs/preview.png'))"
 	rm -rf build/junction
@@ -26,7 +33,7 @@ picture: demo
 	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.scan_image import write_scan_image; \
 		write_scan_image(Path('build/junction'), Path('docs/scan.png'), scan=26)"
 
-# Tables and pictures of docs/fidelity.md: seed 7 is the one that was calibrated on, 101 and 102 are others.
+# Tables and figures of docs/fidelity.md: seed 7 was used for the calibration, 101 and 102 were not.
 ARTEFACTS := $(BIN)/echoscape artefacts --seed 7 --scans 240
 fidelity: $(READY)
 	rm -rf build/fidelity
@@ -40,31 +47,31 @@ fidelity: $(READY)
 	$(BIN)/python -m benchmarks.fidelity_tables docs/fidelity.md \
 		build/fidelity/town_7/fidelity build/fidelity/town_101/fidelity build/fidelity/town_102/fidelity build/fidelity
 
-# Scans to learn from, to choose weights and following by, and to judge on (docs/learning.md): 30 towns of 400, 3 of
-# 100 and 4 of 600, 4 of 600; some 40 GB. A set that was stopped goes on.
+# Data sets of docs/learning.md, some 40 GB: training, 30 towns of 400 scans; validation, 3 of 100 and 4 of 600;
+# test, 4 of 600. Started again, it continues where it was stopped.
 TRAINING ?= build/training
-VARIED = $(BIN)/echoscape simulate --randomize --no-preview --workers 2 --resume
+RANDOMIZED = $(BIN)/echoscape simulate --randomize --no-preview --workers 2 --resume
 training-set: $(READY)
-	for seed in $$(seq 2001 2010); do $(VARIED) $(TRAINING)/train_town_$$seed --seed $$seed --scans 400 || exit 1; \
-		$(VARIED) $(TRAINING)/train_suburb_$$((seed + 100)) --preset suburb --seed $$((seed + 100)) --scans 400 || exit 1; \
-		$(VARIED) $(TRAINING)/train_industrial_$$((seed + 200)) --preset industrial --seed $$((seed + 200)) \
+	for seed in $$(seq 2001 2010); do $(RANDOMIZED) $(TRAINING)/train_town_$$seed --seed $$seed --scans 400 || exit 1; \
+		$(RANDOMIZED) $(TRAINING)/train_suburb_$$((seed + 100)) --preset suburb --seed $$((seed + 100)) --scans 400 || exit 1; \
+		$(RANDOMIZED) $(TRAINING)/train_industrial_$$((seed + 200)) --preset industrial --seed $$((seed + 200)) \
 			--scans 400 || exit 1; done
-	$(VARIED) $(TRAINING)/val_town_1001 --seed 1001 --scans 100
-	$(VARIED) $(TRAINING)/val_suburb_1002 --preset suburb --seed 1002 --scans 100
-	$(VARIED) $(TRAINING)/val_industrial_1003 --preset industrial --seed 1003 --scans 100
-	$(VARIED) $(TRAINING)/val_town_1004 --seed 1004 --scans 600
-	$(VARIED) $(TRAINING)/val_suburb_1005 --preset suburb --seed 1005 --scans 600
-	$(VARIED) $(TRAINING)/val_industrial_1006 --preset industrial --seed 1006 --scans 600
-	$(VARIED) $(TRAINING)/val_town_1007 --seed 1007 --scans 600
-	$(VARIED) $(TRAINING)/test_town_3001 --seed 3001 --scans 600
-	$(VARIED) $(TRAINING)/test_suburb_3002 --preset suburb --seed 3002 --scans 600
-	$(VARIED) $(TRAINING)/test_industrial_3003 --preset industrial --seed 3003 --scans 600
-	$(VARIED) $(TRAINING)/test_town_3004 --seed 3004 --scans 600
+	$(RANDOMIZED) $(TRAINING)/val_town_1001 --seed 1001 --scans 100
+	$(RANDOMIZED) $(TRAINING)/val_suburb_1002 --preset suburb --seed 1002 --scans 100
+	$(RANDOMIZED) $(TRAINING)/val_industrial_1003 --preset industrial --seed 1003 --scans 100
+	$(RANDOMIZED) $(TRAINING)/val_town_1004 --seed 1004 --scans 600
+	$(RANDOMIZED) $(TRAINING)/val_suburb_1005 --preset suburb --seed 1005 --scans 600
+	$(RANDOMIZED) $(TRAINING)/val_industrial_1006 --preset industrial --seed 1006 --scans 600
+	$(RANDOMIZED) $(TRAINING)/val_town_1007 --seed 1007 --scans 600
+	$(RANDOMIZED) $(TRAINING)/test_town_3001 --seed 3001 --scans 600
+	$(RANDOMIZED) $(TRAINING)/test_suburb_3002 --preset suburb --seed 3002 --scans 600
+	$(RANDOMIZED) $(TRAINING)/test_industrial_3003 --preset industrial --seed 3003 --scans 600
+	$(RANDOMIZED) $(TRAINING)/test_town_3004 --seed 3004 --scans 600
 
-# The shipped weights on the four test towns (docs/results.md), which nothing was chosen by.
-JUDGED := town_3001 suburb_3002 industrial_3003 town_3004
+# The bundled weights and phase correlation on the four test towns (docs/results.md).
+TEST_TOWNS := town_3001 suburb_3002 industrial_3003 town_3004
 judge: $(READY)
-	for town in $(JUDGED); do set -e; \
+	for town in $(TEST_TOWNS); do set -e; \
 		$(BIN)/echoscape odometry $(TRAINING)/test_$$town --out build/judged/coarse/$$town --loop-pairs 25; \
 		$(BIN)/echoscape odometry $(TRAINING)/test_$$town --out build/judged/fine/$$town --resolution 0.3456; \
 		$(BIN)/echoscape odometry $(TRAINING)/test_$$town --out build/judged/fourier/$$town --method fourier; done
@@ -75,7 +82,7 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
-# A process for each core, each with one thread; tests that share what is costly to make stay together.
+# One process a core, each with one thread; tests that share costly fixtures stay in one process.
 PYTEST = $(BIN)/python -m pytest -n auto
 test: lint
 	$(PYTEST)

@@ -55,7 +55,12 @@ else:
             return import_module(f"{__name__}.{name}")
         elif name in _NAMES:
             module, _, attribute = _NAMES[name].rpartition(".")
-            value = getattr(import_module(f"{__name__}.{module}"), attribute)
+            try:
+                value = getattr(import_module(f"{__name__}.{module}"), attribute)
+            except ModuleNotFoundError as error:
+                if error.name not in ("torch", "safetensors"):
+                    raise
+                raise ImportError(f'{name} needs PyTorch: pip install "echoscape[learn]"') from error
         else:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         globals()[name] = value

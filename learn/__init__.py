@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from echoscape.learn.model.keypoint_model import KeypointModel as KeypointModel
-    from echoscape.learn.model.weights import read_weights as read_weights
+    from echoscape.learn.model.weights import load_weights as load_weights
     from echoscape.learn.odometry.keyframe_odometry import KeyframeOdometry as KeyframeOdometry
     from echoscape.learn.odometry.scan_matcher import ScanMatcher as ScanMatcher
     from echoscape.learn.training.trainer import train as train
@@ -18,7 +18,7 @@ else:
         __name__,
         submod_attrs={
             "model.keypoint_model": ["KeypointModel"],
-            "model.weights": ["read_weights"],
+            "model.weights": ["load_weights"],
             "odometry.keyframe_odometry": ["KeyframeOdometry"],
             "odometry.scan_matcher": ["ScanMatcher"],
             "training.trainer": ["train"],

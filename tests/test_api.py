@@ -75,6 +75,17 @@ def test_unknown_names_are_refused() -> None:
         getattr(echoscape, "nothing")  # noqa: B009
 
 
+@pytest.mark.parametrize("name", ["Odometry", "KeypointModel"])
+def test_without_torch_the_error_says_how_to_install_it(name: str) -> None:
+    code = f"import sys; sys.modules['torch'] = None; import echoscape; echoscape.{name}"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (
+        done.stderr.splitlines()[-1] == f'ImportError: {name} needs PyTorch: pip install "echoscape[learn]"'
+    )
+
+
 def test_no_folder_of_the_checkout_hides_the_package() -> None:
     assert not (ROOT / "echoscape").exists()
     assert (ROOT / "api" / "py.typed").is_file()
