@@ -19,7 +19,7 @@ from benchmarks.training_step import medians
 from echoscape.eval.odometry.learned import learned_odometry, shipped_weights
 from echoscape.learn.data.image import Projector, range_cells
 from echoscape.learn.data.image_settings import ImageSettings
-from echoscape.learn.model.keypoint_model import ModelSettings
+from echoscape.learn.model.model_settings import ModelSettings
 from echoscape.learn.model.softmax_matching import expected_matches
 from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, quick_solving
 from echoscape.learn.training.checkpoint import initial_model

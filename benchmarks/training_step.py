@@ -17,12 +17,13 @@ from benchmarks.machine import description
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.se2 import to_motion
 from echoscape.learn.model import keypoint_model as model_module
+from echoscape.learn.model.fast_keypoint_model import Matching
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
-from echoscape.learn.model.keypoint_model import Matching, ModelSettings
+from echoscape.learn.model.model_settings import ModelSettings
 from echoscape.learn.model.softmax_matching import expected_matches_in
 from echoscape.learn.model.tiled_matching import Search
 from echoscape.learn.training.checkpoint import initial_model
-from echoscape.learn.training.losses import pose_loss
+from echoscape.learn.model.keypoint_model import pose_loss
 from echoscape.sim.datasets.se2 import SE2
 from echoscape.sim.numerics.malloc import keep_freed_memory
 
@@ -45,7 +46,7 @@ def step_of(size: int, matching: Matching | None, network: torch.dtype) -> Calla
     def step() -> None:
         optimiser.zero_grad()
         found = model(source, destination, matching or Matching(), network)
-        pose_loss(found.motion(), truth).mean().backward()
+        pose_loss(found.motion(), truth, alpha_m=10.0).mean().backward()
         optimiser.step()
 
     def plain(queries: torch.Tensor, picture: FeaturePyramid, *, temperature: float) -> Search:

@@ -122,6 +122,8 @@ def _check(options: Options) -> None:
     }.items():
         if given and options.method != "learned":
             raise ValueError(f"{flag} goes with --method learned only, got --method {options.method}")
+    if options.loop_pairs and options.solver == "paper":
+        raise ValueError("--loop-pairs goes with --solver keyframe or robust, got --solver paper")
     if options.loop_pairs < 0:
         raise ValueError(f"--loop-pairs must be 0 or more, got {options.loop_pairs}")
     check_threads(options.threads)
@@ -136,14 +138,14 @@ def _method(options: Options, folder: "ScanFolder") -> "OdometryMethod[Any]":
 
         return FourierOdometry(range_offset_m=folder.range_offset_m)
     from echoscape.eval.odometry.learned import chosen_weights, learned_odometry
-    from echoscape.learn.odometry.keyframe_odometry import PAIRS_ALONE, OdometryConfig
 
     use_threads(options.threads)
     # Mean over azimuths: alternating chirps shift every other azimuth the other way, on average by 0.
     shift_s = -float(folder.sensor.doppler_shift_s.mean()) if options.compensate else None
     return learned_odometry(
         options.weights or chosen_weights(options.resolution),
-        settings=PAIRS_ALONE if options.solver == "robust" else OdometryConfig(),
+        solver=options.solver,
+        device=options.device,
         range_offset_m=folder.range_offset_m,
         doppler_beta_s=shift_s,
     )
@@ -168,7 +170,7 @@ def _loop_closure(
     from echoscape.eval.odometry.loop_closure import loop_closure_recall
 
     assert isinstance(method, LearnedOdometry)
-    recall = loop_closure_recall(folder, method.estimator, places, progress=bars.report)
+    recall = loop_closure_recall(folder, method.matcher, places, progress=bars.report)
     return {"loop_closure": recall}
 
 

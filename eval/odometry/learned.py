@@ -1,44 +1,54 @@
-"""The learned keypoint odometry as an estimator for judges and commands: weights from a file, then a drive.
+"""Learned keypoint odometry as an `OdometryMethod`, with weights from a file.
 
-Source: learn/odometry/keyframe_odometry.py; this page only turns its results into those of eval/odometry/interface.py.
+Source: learn/odometry; this module chooses the solver and converts its results to eval/odometry/interface.py.
 """
 
 from pathlib import Path
+from typing import Any, Literal
 
 from echoscape.eval.odometry.interface import MatchedPoints, PairFailed, PairMotion
-from echoscape.learn import model
-from echoscape.learn.model.weights import read_weights
-from echoscape.learn.odometry.keyframe_odometry import (
-    PAIRS_ALONE,
-    KeyframeOdometry,
-    OdometryConfig,
-    OdometryState,
-    Scan,
-)
-from echoscape.learn.odometry.scan_matcher import ScanMatcher, quick_solving
+from echoscape.learn import model as model_package
+from echoscape.learn.model.device import Device, resolve_device
+from echoscape.learn.model.weights import load_weights
+from echoscape.learn.odometry.keyframe_odometry import PAIRS_ALONE, KeyframeOdometry, OdometryConfig
+from echoscape.learn.odometry.paper_odometry import PaperOdometry
+from echoscape.learn.odometry.scan_matcher import ScanMatcher, quick_config
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.polar_scan import PolarScan
 
 _PREFIX = "keypoints_"
 
+Solver = Literal["paper", "robust", "keyframe"]
+"""How poses are solved, see `learned_odometry`."""
+
 
 def shipped_weights() -> dict[float, Path]:
-    """Return the files of weights that came with the package by their pixels' width [m], coarsest first."""
-    folder = Path(next(iter(model.__path__))) / "weights_files"
+    """List the bundled weights.
+
+    Returns:
+        Their files by pixel width [m], coarsest first.
+    """
+    folder = Path(next(iter(model_package.__path__))) / "weights_files"
     found = {float(path.stem.removeprefix(_PREFIX)): path for path in folder.glob(f"{_PREFIX}*.safetensors")}
     return dict(sorted(found.items(), reverse=True))
 
 
 def chosen_weights(resolution_m: float | None = None) -> Path:
-    """Return the shipped weights for pixels of a width [m], by default the coarsest, which are the fastest.
+    """Choose among the bundled weights.
+
+    Args:
+        resolution_m: Pixel width [m]; None takes the coarsest, the fastest.
+
+    Returns:
+        The file.
 
     Raises:
-        DatasetError: none came along, or none for that width.
+        DatasetError: None are bundled, or none for that width.
     """
     found = shipped_weights()
     if not found:
         raise DatasetError(
-            "no weights came with this package: name a file with --weights, or take --method fourier"
+            "no weights are bundled with this package: name a file with --weights, or take --method fourier"
         )
     if resolution_m is None:
         return next(iter(found.values()))
@@ -48,38 +58,63 @@ def chosen_weights(resolution_m: float | None = None) -> Path:
 
 
 class LearnedOdometry:
-    """Keypoints matched by descriptors, weighted least squares for the motion: `KeyframeOdometry` on polar scans."""
+    """Keypoints matched by descriptors, and the motion that fits the matches."""
 
-    def __init__(self, follower: KeyframeOdometry, *, range_offset_m: float = 0.0) -> None:
-        """Take a follower; range_offset_m: what to add to the ranges of bins [m], as in `ScanFolder`."""
-        self.follower = follower
-        self._range_offset_m = range_offset_m
+    def __init__(self, odometry: KeyframeOdometry | PaperOdometry) -> None:
+        """Wrap an odometry.
+
+        Args:
+            odometry: Finds motions; its state is the state of this method.
+        """
+        self.odometry = odometry
 
     @property
     def name(self) -> str:
-        """What results are labelled with."""
-        alone = ["pairs alone"] if self.follower.settings == PAIRS_ALONE else []
-        plain = [] if self.follower.compensates else ["not compensated"]
-        return ", ".join(["learned", *alone, *plain])
+        """Name of the method in results."""
+        if isinstance(self.odometry, PaperOdometry):
+            return "learned, paper"
+        solver = ["robust"] if self.odometry.config == PAIRS_ALONE else []
+        compensation = [] if self.odometry.compensates else ["not compensated"]
+        return ", ".join(["learned", *solver, *compensation])
 
     @property
-    def estimator(self) -> ScanMatcher:
-        """What finds the motion between any two scans."""
-        return self.follower.estimator
-
-    def start(self, scan: PolarScan) -> OdometryState:
-        """Return the track of a drive that begins with a scan."""
-        return self.follower.start(self._scan(scan))
-
-    def follow(self, state: OdometryState, scan: PolarScan) -> tuple[PairMotion, OdometryState]:
-        """Match the scan's keypoints in the scan before and in the keyframe, and return the motion.
+    def matcher(self) -> ScanMatcher:
+        """The matcher of any two scans.
 
         Raises:
-            PairFailed: the matches do not determine the motion.
+            ValueError: The solver is that of the paper, which has none.
         """
-        found, track = self.follower.follow(state, self._scan(scan))
+        if isinstance(self.odometry, PaperOdometry):
+            raise ValueError("solver must be robust or keyframe to match single pairs, got 'paper'")
+        return self.odometry.matcher
+
+    def start(self, scan: PolarScan) -> Any:
+        """Begin a drive.
+
+        Args:
+            scan: The first scan.
+
+        Returns:
+            The state after it.
+        """
+        return self.odometry.start(scan)
+
+    def follow(self, state: Any, scan: PolarScan) -> tuple[PairMotion, Any]:
+        """Estimate the motion since the scan before.
+
+        Args:
+            state: The state after the scan before.
+            scan: The next scan.
+
+        Returns:
+            The motion with its matches, and the state after the scan.
+
+        Raises:
+            PairFailed: The matches do not determine the motion.
+        """
+        found, after = self.odometry.follow(state, scan)
         if not found.certain:
-            raise PairFailed("the matches leave the rotation open: no weight, or all in one place")
+            raise PairFailed("the matches do not determine the rotation: no weight, or all in one place")
         motion = PairMotion(
             x_m=found.motion.x_m,
             y_m=found.motion.y_m,
@@ -90,32 +125,40 @@ class LearnedOdometry:
                 weights=found.weights.astype(float),
             ),
         )
-        return motion, track
-
-    def _scan(self, scan: PolarScan) -> Scan:
-        first, last = (int(scan.timestamp_us[row]) for row in (0, -1))
-        rows = len(scan.timestamp_us)
-        return Scan(
-            codes=scan.codes,
-            bin_m=scan.bin_m,
-            range_offset_m=self._range_offset_m,
-            middle_s=(first + last) / 2e6,
-            turn_s=(last - first) / 1e6 * rows / max(rows - 1, 1),
-        )
+        return motion, after
 
 
 def learned_odometry(
     weights: Path,
     *,
+    solver: Solver = "keyframe",
+    device: Device = "auto",
     range_offset_m: float = 0.0,
     doppler_beta_s: float | None = None,
-    settings: OdometryConfig | None = None,
 ) -> LearnedOdometry:
-    """Return the odometry with the weights in a file; for the other arguments see `KeyframeOdometry`.
+    """Build the odometry with the weights in a file.
+
+    Args:
+        weights: File of weights.
+        solver: paper: least squares of each pair by itself, every pixel searched, in float32, without
+            compensation, as published. robust: each pair by itself, outliers weighted down. keyframe: robust,
+            with the scan before and a keyframe together.
+        device: Where to compute.
+        range_offset_m: Added to the ranges of all bins [m], as in `ScanFolder`.
+        doppler_beta_s: Range by which an approaching point appears too near, by its closing speed
+            [m per m/s]; None takes points as measured. The solver of the paper always does.
+
+    Returns:
+        The odometry.
 
     Raises:
-        DatasetError: the file is no weights.
+        DatasetError: The file is not a model.
+        ValueError: The device is absent.
     """
-    model, _ = read_weights(weights)
-    follower = KeyframeOdometry(ScanMatcher(model, quick_solving()), settings, doppler_beta_s=doppler_beta_s)
-    return LearnedOdometry(follower, range_offset_m=range_offset_m)
+    where = resolve_device(device)
+    model, _ = load_weights(weights)
+    if solver == "paper":
+        return LearnedOdometry(PaperOdometry(model, device=where, range_offset_m=range_offset_m))
+    matcher = ScanMatcher(model, quick_config(where), device=where, range_offset_m=range_offset_m)
+    config = PAIRS_ALONE if solver == "robust" else OdometryConfig()
+    return LearnedOdometry(KeyframeOdometry(matcher, config, doppler_beta_s=doppler_beta_s))

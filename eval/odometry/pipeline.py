@@ -9,11 +9,11 @@
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 from echoscape.eval.odometry.interface import PairMotion
-from echoscape.eval.odometry.learned import chosen_weights, learned_odometry
-from echoscape.learn.odometry.keyframe_odometry import PAIRS_ALONE, OdometryConfig, OdometryState
+from echoscape.eval.odometry.learned import Solver, chosen_weights, learned_odometry
+from echoscape.learn.model.device import Device
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.sensor import Sensor
@@ -27,7 +27,8 @@ class Odometry:
         weights: Path | None = None,
         *,
         resolution_m: float | None = None,
-        solver: Literal["keyframe", "robust"] = "keyframe",
+        solver: Solver = "keyframe",
+        device: Device = "auto",
         sensor: Sensor = CTS350X,
         range_offset_m: float = 0.0,
         compensate: bool = True,
@@ -38,24 +39,27 @@ class Odometry:
             weights: File of weights; None takes bundled ones.
             resolution_m: Pixel width of the bundled weights [m]; None takes the coarsest, the fastest.
             solver: keyframe matches each scan with the one before and with a keyframe; robust solves each
-                pair by itself.
+                pair by itself; paper does so by least squares without compensation, as published.
+            device: Where to compute; auto takes a GPU where PyTorch finds one.
             sensor: The radar, which gives the Doppler shift of ranges.
             range_offset_m: Offset to the ranges of bins [m], as in `ScanFolder`.
             compensate: Whether keypoints are moved to mid-scan and their Doppler shifts undone.
 
         Raises:
             DatasetError: The file holds no weights, or none are bundled for that pixel width.
+            ValueError: The device is absent.
         """
         # Mean over azimuths: alternating chirps shift every other azimuth the other way, on average by 0.
         shift_s = -float(sensor.doppler_shift_s.mean()) if compensate else None
         self._method = learned_odometry(
             weights or chosen_weights(resolution_m),
-            settings=PAIRS_ALONE if solver == "robust" else OdometryConfig(),
+            solver=solver,
+            device=device,
             range_offset_m=range_offset_m,
             doppler_beta_s=shift_s,
         )
 
-    def start(self, scan: PolarScan) -> OdometryState:
+    def start(self, scan: PolarScan) -> Any:
         """Begin a drive.
 
         Args:
@@ -66,7 +70,7 @@ class Odometry:
         """
         return self._method.start(scan)
 
-    def follow(self, state: OdometryState, scan: PolarScan) -> tuple[PairMotion, OdometryState]:
+    def follow(self, state: Any, scan: PolarScan) -> tuple[PairMotion, Any]:
         """Estimate the motion since the scan before.
 
         Args:

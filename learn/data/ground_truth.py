@@ -49,7 +49,7 @@ class ScanDistortion:
             The corrected points (B, N, 2), in the same frames [m].
         """
         in_scan = (points_m - self.scan_in_image.translation_m[:, None]) @ self.scan_in_image.rotation
-        corrected = to_mid_scan(in_scan, self.twist, turn_s=self.scan_s, doppler_beta_s=self.doppler_beta_s)
+        corrected = to_mid_scan(in_scan, self.twist, scan_s=self.scan_s, doppler_beta_s=self.doppler_beta_s)
         return moved(corrected, self.scan_in_image)
 
     def from_mid_scan(self, points_m: Tensor) -> Tensor:

@@ -1,6 +1,6 @@
-"""What keypoints were matched to, and what follows: the motion, and how far matches are from one.
+"""Matches of keypoints, the motion that fits them, and their distances from a motion.
 
-Source: Barnes & Posner 2020, section III-B and III-C; precisions are ours, see `precision`.
+Source: Barnes & Posner 2020, section III-B and III-C; precisions are ours, see `learn.model.prior_removal`.
 """
 
 from dataclasses import dataclass
@@ -14,13 +14,16 @@ from echoscape.learn.geometry.procrustes import Motion, motion_of_matches, moved
 
 @dataclass(frozen=True, kw_only=True)
 class Matches:
-    """Keypoints of B sources and what they were matched to.
+    """Keypoints of B sources and their matches in B destinations.
 
-    source_m, destination_m: (B, N, 2) forward, right [m], each in its own frame; weights: (B, N); surprisal:
-    (B, N), where the true motion was given: cross entropy [nat] of the matching softmax with the samples
-    around each keypoint's true place, 0 for those that are outside the destination; precision:
-    (B, N, 2, 2), where matches were looked for near where they were expected: how much a destination says by
-    direction, see `precision`; the expectation is taken out of it and of the places.
+    Attributes:
+        source_m: Keypoints (B, N, 2) in the source's own frame: forward, right [m].
+        destination_m: Their matches (B, N, 2) in the destination's own frame [m].
+        weights: Weights (B, N).
+        surprisal: Where the true motion was given: cross entropy (B, N) [nat] of the matching softmax with the
+            samples around each keypoint's true location, 0 for those outside the destination.
+        precision: Of local matches, what the destination contributes by direction (B, N, 2, 2); the search
+            prior is removed from it and from the locations.
     """
 
     source_m: Tensor
@@ -29,11 +32,19 @@ class Matches:
     surprisal: Tensor | None = None
     precision: Tensor | None = None
 
-    def motion(self, *, robust_scale_m: float | None = None, near: Motion | None = None) -> Motion:
-        """Return the motion T_destination_source that fits the matches best.
+    def cpu(self) -> "Matches":
+        """Return the matches on the CPU."""
+        return Matches(**{name: None if each is None else each.cpu() for name, each in vars(self).items()})
 
-        robust_scale_m: see `pose.robust_motion`; None for least squares of all; near: a motion to begin with
-        that is nearly right already, of use where precisions are known.
+    def motion(self, *, robust_scale_m: float | None = None, near: Motion | None = None) -> Motion:
+        """Solve for the motion that fits the matches best.
+
+        Args:
+            robust_scale_m: Scale of `robust_motion` [m]; None for least squares of all matches.
+            near: Motion to start from, nearly the answer; used where precisions are known.
+
+        Returns:
+            The motions T_destination_source.
         """
         points = self.source_m, self.destination_m, self.weights
         if self.precision is not None:
@@ -43,11 +54,15 @@ class Matches:
         return robust_motion(*points, scale_m=robust_scale_m)
 
     def errors_m(self, motion: Motion) -> Tensor:
-        """Return (B, N) [m]: how far destinations are from where a motion takes their sources.
+        """Compute the distances of matches from where a motion takes their keypoints.
 
-        Where precisions are known a distance counts by them, sqrt(r^T P r).
+        Args:
+            motion: The motions T_destination_source.
+
+        Returns:
+            Distances (B, N) [m]; with precisions sqrt(r^T P r) of the residual r.
         """
-        off_m = self.destination_m - moved(self.source_m, motion)
+        residual_m = self.destination_m - moved(self.source_m, motion)
         if self.precision is None:
-            return torch.linalg.vector_norm(off_m, dim=-1)
-        return weighed_squares(off_m, self.precision).clamp(min=0).sqrt()
+            return torch.linalg.vector_norm(residual_m, dim=-1)
+        return weighed_squares(residual_m, self.precision).clamp(min=0).sqrt()

@@ -1,8 +1,8 @@
-"""Points of a rolling scan as they would be had the whole scan been taken at its middle: motion and Doppler.
+"""Motion compensation of matches: poses from mid-scan to mid-scan, at the velocity of the estimate itself.
 
 Source: Burnett et al., "Do We Need to Compensate for Motion Distortion and Doppler Effects in Spinning Radar
-Navigation?", RA-L 2021. The car is taken to go on as it went between the two scans (constant velocity), and
-what is matched to stand still.
+Navigation?", RA-L 2021. The car moves at the constant velocity between the two scans, and matched points stand
+still.
 """
 
 import math
@@ -22,25 +22,26 @@ _ROUNDS = 3
 
 
 class ScanMotionError(ValueError):
-    """The scans' times are none that points could be moved by."""
+    """The times of scans give no velocity or no duration."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScanMotionModel:
-    """How the scans of a pair came about.
+    """Timing of a pair of rolling scans.
 
-    turn_s: time of a scan, whose first row looks ahead and whose rows go clockwise; doppler_beta_s: range by
-    which what approaches appears too near, by its speed [m per m/s]; gap_s: from the middle of the
-    destination to that of the source, below 0 where the source is the earlier one.
+    Attributes:
+        scan_s: Duration of a scan, which starts straight ahead and goes clockwise [s].
+        doppler_beta_s: Range by which an approaching point appears too near, by its closing speed [m per m/s].
+        gap_s: From mid-scan of the destination to that of the source, below 0 if the source is earlier [s].
     """
 
-    turn_s: float
+    scan_s: float
     doppler_beta_s: float
     gap_s: float
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.turn_s) and self.turn_s > 0):
-            raise ScanMotionError(f"turn_s must be finite and above 0, got {self.turn_s}")
+        if not (math.isfinite(self.scan_s) and self.scan_s > 0):
+            raise ScanMotionError(f"scan_s must be finite and above 0, got {self.scan_s}")
         if not math.isfinite(self.doppler_beta_s):
             raise ScanMotionError(f"doppler_beta_s must be finite, got {self.doppler_beta_s}")
         if not (math.isfinite(self.gap_s) and self.gap_s != 0):
@@ -49,7 +50,12 @@ class ScanMotionModel:
 
 @dataclass(frozen=True, kw_only=True)
 class Twist:
-    """Velocities of B cars in their own frames: (B, 2) forward, right [m/s], (B,) clockwise [rad/s]."""
+    """Velocities of B cars in their own frames.
+
+    Attributes:
+        velocity_mps: Forward, right (B, 2) [m/s].
+        yaw_rate_rps: Clockwise (B,) [rad/s].
+    """
 
     velocity_mps: Tensor
     yaw_rate_rps: Tensor
@@ -71,21 +77,21 @@ def twist_between(motion: Motion, gap_s: float) -> Twist:
 
 
 def to_mid_scan(
-    points_m: Tensor, twist: Twist, *, turn_s: float | Tensor, doppler_beta_s: float | Tensor
+    points_m: Tensor, twist: Twist, *, scan_s: float | Tensor, doppler_beta_s: float | Tensor
 ) -> Tensor:
     """Undo the motion distortion and the Doppler shift of points (`sim.datasets.motion_compensation`).
 
     Args:
         points_m: Measured points (B, N, 2): forward, right [m].
         twist: Velocities of the B cars.
-        turn_s: Duration of a revolution, of all scans or (B,) [s].
+        scan_s: Duration of a revolution, of all scans or (B,) [s].
         doppler_beta_s: Range by which an approaching point appears too near, by its closing speed, of all
             scans or (B,) [m per m/s].
 
     Returns:
         The points (B, N, 2) in the frames of mid-scan [m].
     """
-    revolution_s, beta_s = (torch.as_tensor(each).reshape(-1, 1) for each in (turn_s, doppler_beta_s))
+    revolution_s, beta_s = (torch.as_tensor(each).reshape(-1, 1) for each in (scan_s, doppler_beta_s))
     velocities = torch.cat([twist.velocity_mps, twist.yaw_rate_rps[:, None]], -1)
     return motion_compensation.to_mid_scan(
         points_m, velocities, revolution_s=revolution_s, doppler_beta_s=beta_s, xp=torch
@@ -94,42 +100,55 @@ def to_mid_scan(
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """Matches of one source with one destination, and where that stood in the frame of the answer.
+    """Matches of a source with one destination, as a part of a joint estimate.
 
-    twist: the destination's velocities, None for those that lead from the last part's to the source; weight:
-    what its matches' own weights are multiplied by, against other parts'.
+    Attributes:
+        matches: The matches.
+        pose: Pose of the destination in the frame of the estimate.
+        twist: Velocities of the destination; None for those of the motion from the last part's destination to
+            the source.
+        weight: Factor of the weights of its matches, against other parts.
     """
 
     matches: Matches
-    stood_at: Motion
+    pose: Motion
     twist: Twist | None = None
     weight: float = 1.0
 
 
 def solve_compensated(
-    parts: Sequence[Part], *, scale_m: float | None = None, rolling: ScanMotionModel | None = None
+    parts: Sequence[Part], *, scale_m: float | None = None, scan_motion: ScanMotionModel | None = None
 ) -> tuple[Motion, tuple[Part, ...]]:
-    """Return the motion of one source by all of its matches, and the parts with their points at mid-scan.
+    """Solve for the pose of a source from all of its matches, with its points moved to mid-scan.
 
-    scale_m: of `robust_motion`; None for least squares of all. With `rolling`, the motion of points as they
-    are gives the velocities, those from the last part's destination to the source; they move the points of
-    both, and of other destinations whose own are not known, and so on, thrice: each round leaves about a
-    thousandth of the error before it. Without it, points are taken as they are.
+    The motion of points as measured gives the velocities from the last part's destination to the source; these
+    move the points of the source, and of destinations without velocities of their own; that is repeated three
+    times, and each iteration leaves about a thousandth of the error.
+
+    Args:
+        parts: Matches with one or several destinations.
+        scale_m: Scale of `robust_motion` [m]; None for least squares of all matches.
+        scan_motion: Timing of the scans; None takes points as measured.
+
+    Returns:
+        The pose of the source in the frame of the parts' poses, and the parts with their points at mid-scan.
     """
-    seen, motion = tuple(parts), _joint(parts, scale_m)
-    if rolling is None:
-        return motion, seen
-    parts = [_with_known_destinations(part, rolling) for part in parts]
+    compensated, motion = tuple(parts), _joint(parts, scale_m)
+    if scan_motion is None:
+        return motion, compensated
+    parts = [_with_destinations_at_mid_scan(part, scan_motion) for part in parts]
     for _ in range(_ROUNDS):
-        seen = _rolled(parts, twist_between(relative(parts[-1].stood_at, motion), rolling.gap_s), rolling)
-        motion = _joint(seen, scale_m, near=motion)
-    return motion, seen
+        twist = twist_between(relative(parts[-1].pose, motion), scan_motion.gap_s)
+        compensated = _compensated(parts, twist, scan_motion)
+        motion = _joint(compensated, scale_m, near=motion)
+    return motion, compensated
 
 
 def _joint(parts: Sequence[Part], scale_m: float | None, near: Motion | None = None) -> Motion:
+    """Return the pose that fits the matches of all parts."""
     together = Matches(
         source_m=torch.cat([part.matches.source_m for part in parts], 1),
-        destination_m=torch.cat([moved(part.matches.destination_m, part.stood_at) for part in parts], 1),
+        destination_m=torch.cat([moved(part.matches.destination_m, part.pose) for part in parts], 1),
         weights=torch.cat([part.weight * part.matches.weights for part in parts], 1),
         precision=_joint_precision(parts),
     )
@@ -137,38 +156,39 @@ def _joint(parts: Sequence[Part], scale_m: float | None, near: Motion | None = N
 
 
 def _joint_precision(parts: Sequence[Part]) -> Tensor | None:
-    """Return the matches' precisions in the frame of the answer, None unless all have it."""
-    told = [(part.matches.precision, part.stood_at.rotation) for part in parts]
-    known = [turned_precision(each, rotation) for each, rotation in told if each is not None]
-    return torch.cat(known, 1) if len(known) == len(told) else None
+    """Return the matches' precisions in the frame of the estimate, None unless all parts have them."""
+    precisions = [(part.matches.precision, part.pose.rotation) for part in parts]
+    known = [turned_precision(each, rotation) for each, rotation in precisions if each is not None]
+    return torch.cat(known, 1) if len(known) == len(precisions) else None
 
 
-def _with_known_destinations(part: Part, rolling: ScanMotionModel) -> Part:
+def _with_destinations_at_mid_scan(part: Part, scan_motion: ScanMotionModel) -> Part:
     """Return a part with its destinations at mid-scan, if they have velocities of their own."""
     if part.twist is None:
         return part
-    there_m = _at_middle(part.matches.destination_m, part.twist, rolling)
-    return replace(part, matches=replace(part.matches, destination_m=there_m))
+    destination_m = _at_mid_scan(part.matches.destination_m, part.twist, scan_motion)
+    return replace(part, matches=replace(part.matches, destination_m=destination_m))
 
 
-def _rolled(parts: Sequence[Part], twist: Twist, rolling: ScanMotionModel) -> tuple[Part, ...]:
+def _compensated(parts: Sequence[Part], twist: Twist, scan_motion: ScanMotionModel) -> tuple[Part, ...]:
     """Return parts with the source's points moved by a twist, and destinations without one of their own."""
-    open_ends = [part.matches.destination_m for part in parts if part.twist is None]
-    points = [part.matches.source_m for part in parts] + open_ends
-    moved_m = _at_middle(torch.cat(points, 1), twist, rolling).split([each.shape[1] for each in points], 1)
-    sources, ends = moved_m[: len(parts)], iter(moved_m[len(parts) :])
+    without_twist = [part.matches.destination_m for part in parts if part.twist is None]
+    points = [part.matches.source_m for part in parts] + without_twist
+    compensated_m = _at_mid_scan(torch.cat(points, 1), twist, scan_motion)
+    pieces = compensated_m.split([each.shape[1] for each in points], 1)
+    sources, destinations = pieces[: len(parts)], iter(pieces[len(parts) :])
     return tuple(
         replace(
             part,
             matches=replace(
                 part.matches,
                 source_m=source_m,
-                destination_m=part.matches.destination_m if part.twist is not None else next(ends),
+                destination_m=next(destinations) if part.twist is None else part.matches.destination_m,
             ),
         )
         for part, source_m in zip(parts, sources, strict=True)
     )
 
 
-def _at_middle(points_m: Tensor, twist: Twist, rolling: ScanMotionModel) -> Tensor:
-    return to_mid_scan(points_m, twist, turn_s=rolling.turn_s, doppler_beta_s=rolling.doppler_beta_s)
+def _at_mid_scan(points_m: Tensor, twist: Twist, scan_motion: ScanMotionModel) -> Tensor:
+    return to_mid_scan(points_m, twist, scan_s=scan_motion.scan_s, doppler_beta_s=scan_motion.doppler_beta_s)

@@ -11,9 +11,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
-from echoscape.learn.model.descriptors import SMALLEST_NORM, sampled, unit
+from echoscape.learn.model.keypoint_model import MIN_NORM, Maps, sampled, unit
 from echoscape.learn.model.ops.bilinear import resized, squared_lengths
-from echoscape.learn.model.unet import Maps
 
 STRIDES = (1, 2)
 
@@ -63,9 +62,9 @@ class FeaturePyramid:
 
     @cached_property
     def lengths(self) -> Tensor:
-        """Lengths (B, rows, columns) of the descriptors, at least `SMALLEST_NORM`."""
+        """Lengths (B, rows, columns) of the descriptors, at least `MIN_NORM`."""
         squares = [squared_lengths(each.values, each.factor) for each in self.layers]
-        return torch.stack(squares).sum(0).clamp(min=0).sqrt().clamp(min=SMALLEST_NORM)
+        return torch.stack(squares).sum(0).clamp(min=0).sqrt().clamp(min=MIN_NORM)
 
     @cached_property
     def stacked(self) -> Tensor:

@@ -1,237 +1,282 @@
-"""The whole model: two pictures to the motion between them, and each picture to keypoints and a place.
+"""The method of "Under the Radar" from two radar images to the motion between them, in plain PyTorch.
 
-Source: Barnes & Posner 2020, section III and figure 2. A motion is T_destination_source in the axes and the
-order of gt/radar_odometry.csv: for a car that drives on, with the later scan as the source, x is positive.
+Source: Barnes & Posner, "Under the Radar: Learning to Predict Robust Keypoints for Odometry Estimation and
+Metric Localisation in Radar", ICRA 2020; this file follows its section III and figure 2 from top to bottom.
+A motion is T_destination_source in the axes of gt/radar_odometry.csv: forward, right, clockwise from above.
+`fast_keypoint_model` computes the same faster; it is tested against this file.
 """
-
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import get_args
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import pad
+from torch.nn.functional import avg_pool2d, grid_sample, interpolate, max_pool2d, normalize, pad
 
-from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.matches import Matches
-from echoscape.learn.model.descriptors import descriptors_at, embedding, sampled
-from echoscape.learn.model.feature_pyramid import FeaturePyramid
-from echoscape.learn.model.keypoints import Keypoints, cell_centres, expected_places, keypoints_at
-from echoscape.learn.model.local_matching import Near, match_local
-from echoscape.learn.model.ops.channels_last import with_gradient_by_pixel
-from echoscape.learn.model.pixel_coords import metres_of_pixels, pixels_of_metres
-from echoscape.learn.model.prior_removal import precision_of_pixels, remove_prior
-from echoscape.learn.model.softmax_matching import match_weights
-from echoscape.learn.model.tiled_matching import match_global
-from echoscape.learn.model.unet import Decoder, Encoder, Maps, Pooling
+from echoscape.learn.geometry.procrustes import Motion
+from echoscape.learn.model.model_settings import ModelSettings, Pooling
+from echoscape.learn.model.pixel_coords import metres_of_pixels
 
-TruePlaces = Callable[[Tensor], Tensor]
-"""Takes keypoints (B, N, 2) forward, right [m] to where they truly are in the destination, likewise."""
+CHANNELS = (8, 16, 32, 64, 128)
+"""Channels of the encoder's blocks, finest first; together the 248 of a dense descriptor."""
+MOMENTUM = 0.01
+"""Share of one step in the running statistics of batch normalisation; a step sees a single pair."""
+MIN_NORM = 1e-6
+"""Descriptors shorter than this are divided by it instead of by their length."""
+
+Maps = tuple[Tensor, ...]
+"""Maps of the encoder, finest first: map l is (B, CHANNELS[l], H / 2^l, W / 2^l)."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModelSettings:
-    """What makes a model what it is, stored with its weights.
+# ------------------------------------------------------------------ III-A: the network
 
-    image: how scans become pictures; cells: a side, each with one keypoint; temperature: T of the matching
-    softmax; location_head, score_head: without, keypoints are the cells' middles, and all scores are 1;
-    pooling: of the encoder, see `unet`.
+
+def block(inputs: int, outputs: int) -> nn.Sequential:
+    """Return two 3 x 3 convolutions (inputs -> outputs channels), each with batch normalisation and ReLU."""
+    layers: list[nn.Module] = []
+    for channels in (inputs, outputs):
+        layers += [nn.Conv2d(channels, outputs, 3, padding=1, bias=False)]
+        layers += [nn.BatchNorm2d(outputs, momentum=MOMENTUM), nn.ReLU(inplace=True)]
+    return nn.Sequential(*layers)
+
+
+def blurred_max_pool(values: Tensor) -> Tensor:
+    """Halve maps (B, C, H, W) by maxima that are low-passed by 1-2-1 before every second is taken.
+
+    Small motions are found less too short than with plain maxima, which hide shifts within a pool. Source:
+    Zhang, "Making convolutional networks shift-invariant again", ICML 2019.
     """
-
-    image: ImageSettings = field(default_factory=ImageSettings)
-    cells: int = 20
-    temperature: float = 100.0
-    location_head: bool = True
-    score_head: bool = True
-    pooling: Pooling = "max"
-
-    def __post_init__(self) -> None:
-        if not 2 <= self.cells <= self.image.size:
-            raise ValueError(f"cells must be 2 to {self.image.size}, the picture's pixels, got {self.cells}")
-        if self.pooling not in get_args(Pooling):
-            raise ValueError(f"pooling must be one of {get_args(Pooling)}, got {self.pooling!r}")
-        if not 0 < self.temperature < float("inf"):
-            raise ValueError(f"temperature must be finite and above 0, got {self.temperature}")
-
-    @property
-    def side(self) -> int:
-        """Pixels a side that the network works on: the picture's, with an empty margin where need be.
-
-        A multiple of 16, for four times of pooling, and of the cells.
-        """
-        step = math.lcm(16, self.cells)
-        return step * math.ceil(self.image.size / step)
+    padded = pad(values, (1, 1, 1, 1), mode="replicate")
+    return avg_pool2d(avg_pool2d(max_pool2d(padded, 2, stride=1), 2, stride=1), 2)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Matching:
-    """How the search for matches is computed; it changes cost and rounding, not what is searched for.
+class Encoder(nn.Module):
+    """Encoder of the U-Net: images (B, 1, H, W), H and W multiples of 16, to five maps."""
 
-    stride: 1 searches every pixel, 2 a grid of half as many a side; dtype: of the large products.
+    def __init__(self, pooling: Pooling = "max") -> None:
+        super().__init__()
+        self.pooling = pooling
+        self.blocks = nn.ModuleList(map(block, (1, *CHANNELS[:-1]), CHANNELS))
+
+    def forward(self, images: Tensor) -> Maps:
+        """Return the maps of images."""
+        maps = [self.blocks[0](images)]
+        for layer in list(self.blocks)[1:]:
+            halved = blurred_max_pool(maps[-1]) if self.pooling == "blurred" else max_pool2d(maps[-1], 2)
+            maps.append(layer(halved))
+        return tuple(maps)
+
+
+class Decoder(nn.Module):
+    """Decoder of the U-Net with skip connections: maps to one number per pixel, by a 1 x 1 convolution."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        pairs = zip(CHANNELS[1:], CHANNELS[:-1], strict=True)
+        self.blocks = nn.ModuleList([block(coarse + fine, fine) for coarse, fine in pairs])
+        self.head = nn.Conv2d(CHANNELS[0], 1, 1)
+
+    def forward(self, maps: Maps) -> Tensor:
+        """Return (B, 1, H, W), unbounded."""
+        values = maps[-1]
+        for fine, layer in zip(maps[-2::-1], list(self.blocks)[::-1], strict=True):
+            upsampled = interpolate(values, scale_factor=2, mode="bilinear", align_corners=False)
+            values = layer(torch.cat([upsampled, fine], 1))
+        return self.head(values)
+
+
+def dense_descriptors(maps: Maps) -> Tensor:
+    """Return the maps upsampled to the image's size and concatenated: (B, 248, H, W), not normalised."""
+    size = maps[0].shape[-2:]
+    coarse = [interpolate(each, size=size, mode="bilinear", align_corners=False) for each in maps[1:]]
+    return torch.cat([maps[0], *coarse], 1)
+
+
+# ------------------------------------------------------------------ III-B: keypoints and matches
+
+
+def pixel_grid(rows: int, columns: int, *, like: Tensor) -> Tensor:
+    """Return (rows * columns, 2): row, column [px] of every pixel, row by row, in the format of `like`."""
+    axes = [torch.arange(count, dtype=like.dtype, device=like.device) for count in (rows, columns)]
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
+
+
+def cell_centres(size: int, cells: int, *, like: Tensor) -> Tensor:
+    """Return (cells^2, 2): row, column [px] of the centres of cells x cells cells of a square image."""
+    return (pixel_grid(cells, cells, like=like) + 0.5) * (size / cells) - 0.5
+
+
+def keypoint_locations(logits: Tensor, cells: int) -> Tensor:
+    """Compute keypoint locations by a spatial softmax over each cell: sum_p softmax(logits)_p p.
+
+    Args:
+        logits: Location logits (B, 1, H, H).
+        cells: Cells a side.
+
+    Returns:
+        Locations (B, cells^2, 2): row, column [px].
+
+    Raises:
+        ValueError: The logits are not square, or H is not a multiple of `cells`.
     """
+    batch, _, size, width = logits.shape
+    if size != width or size % cells:
+        raise ValueError(f"logits must be square and a multiple of {cells} wide, got {size} x {width}")
+    side = size // cells
+    tiles = logits.reshape(batch, cells, side, cells, side).transpose(2, 3)  # (B, cells, cells, side, side)
+    weights = tiles.reshape(batch, cells * cells, side * side).softmax(-1)
+    offsets = pixel_grid(side, side, like=logits) - (side - 1) / 2
+    return cell_centres(size, cells, like=logits) + weights @ offsets
 
-    stride: int = 1
-    dtype: torch.dtype = torch.float32
+
+def unit(descriptors: Tensor, dim: int = -1) -> Tensor:
+    """Return descriptors divided by their Euclidean length, at least `MIN_NORM`."""
+    return normalize(descriptors, dim=dim, eps=MIN_NORM)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Features:
-    """What the network says of B pictures.
+def sampled(values: Tensor, points_px: Tensor) -> Tensor:
+    """Return (B, N, C): maps (B, C, H, W) at points (B, N, 2) row, column [px], bilinearly, edges repeated."""
+    size = torch.tensor(values.shape[-2:], dtype=points_px.dtype, device=points_px.device)
+    grid = ((points_px + 0.5) * (2 / size) - 1).flip(-1)[:, None].to(values.dtype)
+    found = grid_sample(values, grid, mode="bilinear", padding_mode="border", align_corners=False)
+    return found[:, :, 0].transpose(1, 2)
 
-    maps: of the encoder; keypoints: N a picture; scores: (B, 1, H, W) from 0 to 1, None without that head.
+
+def matched_locations(descriptors: Tensor, dense: Tensor, *, temperature: float) -> Tensor:
+    """Match keypoints to a whole image: sum over pixels p of softmax_p(T cos(d, D_p)) p.
+
+    Args:
+        descriptors: Of keypoints (B, N, 248), of unit length.
+        dense: Dense descriptors of the image (B, 248, H, W), of unit length.
+        temperature: T.
+
+    Returns:
+        Matched locations (B, N, 2): row, column [px].
     """
-
-    maps: Maps
-    keypoints: Keypoints
-    scores: Tensor | None
+    weights = (temperature * (descriptors @ dense.flatten(2))).softmax(-1)  # (B, N, H W)
+    return weights @ pixel_grid(*dense.shape[-2:], like=descriptors)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Destination:
-    """B pictures to be searched, and their scores."""
+def match_weights(similarity: Tensor, source_scores: Tensor, matched_scores: Tensor) -> Tensor:
+    """Return the weights of matches, (cos(d_s, d_d) + 1) / 2 s_s s_d, from arrays of one shape."""
+    return 0.5 * (similarity + 1) * source_scores * matched_scores
 
-    picture: FeaturePyramid
-    scores: Tensor | None
+
+# ------------------------------------------------------------------ III-C: pose
+
+
+def weighted_pose(source_m: Tensor, destination_m: Tensor, weights: Tensor) -> Motion:
+    """Solve for the motion that minimises sum w |R source + t - destination|^2, by singular values (Umeyama 1991).
+
+    Where the points do not determine R (no weight, or all in one place) it is 1, without gradient, and the
+    motion is not `certain`. The gradient of R does not exist where both singular values are equal.
+
+    Args:
+        source_m: Keypoints (B, N, 2): forward, right [m].
+        destination_m: Their matches (B, N, 2) [m].
+        weights: Weights (B, N), 0 or more.
+
+    Returns:
+        The motions T_destination_source.
+    """
+    tiny, eps = torch.finfo(weights.dtype).tiny, torch.finfo(weights.dtype).eps
+    share = (weights / weights.sum(1, keepdim=True).clamp(min=tiny))[..., None]
+    source_mean, destination_mean = (share * source_m).sum(1), (share * destination_m).sum(1)
+    source, destination = source_m - source_mean[:, None], destination_m - destination_mean[:, None]
+    covariance = destination.mT @ (share * source)  # (B, 2, 2)
+    strength = torch.hypot(  # the sum of the singular values, the second one signed
+        covariance[:, 0, 0] + covariance[:, 1, 1], covariance[:, 1, 0] - covariance[:, 0, 1]
+    )
+    rounding = 64 * eps**2 * (share * (source_m**2 + destination_m**2)).sum((1, 2))
+    certain = strength > 8 * eps * (share * (source**2 + destination**2)).sum((1, 2)) + rounding
+    stand_in = torch.diag(covariance.new_tensor([2.0, 1.0]))
+    u, _, vt = torch.linalg.svd(torch.where(certain[:, None, None], covariance, stand_in))
+    signs = torch.stack([torch.ones_like(strength), torch.linalg.det(u @ vt).detach()], -1)
+    rotation = u @ torch.diag_embed(signs) @ vt  # det(R) = 1: no reflection
+    translation_m = destination_mean - (rotation @ source_mean[..., None])[..., 0]
+    return Motion(rotation=rotation, translation_m=translation_m, certain=certain)
+
+
+def pose_loss(estimate: Motion, truth: Motion, *, alpha_m: float) -> Tensor:
+    """Compute the loss (B,) [m], equation 6: |t^ - t| + alpha |R^ R^T - 1|, both spectral norms.
+
+    For plane rotations that differ by delta the second is 2 |sin(delta / 2)|: both columns of the matrix
+    have that length and are orthogonal. At an error of exactly 0 the gradient is 0.
+
+    Args:
+        estimate: Estimated motions, B of them.
+        truth: True motions.
+        alpha_m: Weight of the rotation [m], 10 in the paper.
+
+    Returns:
+        The loss (B,) [m].
+    """
+    translation_m = torch.linalg.vector_norm(estimate.translation_m - truth.translation_m, dim=-1)
+    rotation = estimate.rotation @ truth.rotation.transpose(1, 2) - torch.eye(2).to(estimate.rotation)
+    return translation_m + alpha_m * torch.linalg.vector_norm(rotation[..., 0], dim=-1)
+
+
+# ------------------------------------------------------------------ the whole method
 
 
 class KeypointModel(nn.Module):
-    """U-Net, keypoints, matching and pose."""
+    """The network and the differentiable odometry on top of it."""
 
     def __init__(self, settings: ModelSettings) -> None:
+        """Make a model with random weights.
+
+        Args:
+            settings: Settings of the model.
+        """
         super().__init__()
         self.settings = settings
         self.encoder = Encoder(settings.pooling)
         self.locations = Decoder() if settings.location_head else None
         self.scores = Decoder() if settings.score_head else None
 
-    def forward(
-        self,
-        source: Tensor,
-        destination: Tensor,
-        matching: Matching,
-        network_dtype: torch.dtype,
-        true_places: TruePlaces | None = None,
-    ) -> Matches:
-        """Return the matches between pictures (B, 1, H, H), for training.
+    def maps(self, images: Tensor) -> Maps:
+        """Return the encoder's maps of images (B, 1, size, size), padded to `ModelSettings.side`."""
+        return self.encoder(pad(images, [(self.settings.side - images.shape[-1]) // 2] * 4))
 
-        Both go through the network together; keypoints are looked for in the source alone. network_dtype:
-        of the convolutions; true_places: see `matches`.
+    def forward(self, source: Tensor, destination: Tensor) -> tuple[Motion, Matches]:
+        """Estimate the motions between images.
+
+        Args:
+            source: Images (B, 1, size, size), on the model's device; keypoints are detected in these.
+            destination: Images (B, 1, size, size) in which they are searched for.
+
+        Returns:
+            The motions T_destination_source, and the matches behind them.
         """
-        count = source.shape[0]
-        with torch.autocast("cpu", network_dtype, enabled=network_dtype != torch.float32):
-            maps, scores = self.maps(torch.cat([source, destination]))
-            source_maps, destination_maps = zip(*(each.split(count) for each in maps), strict=True)
-            logits = None if self.locations is None else self.locations(source_maps)
-        source_scores, destination_scores = (None, None) if scores is None else scores.split(count)
-        found = self.keypoints(_in_float32(source_maps), source_scores, logits)
-        into = destination_of(_in_float32(destination_maps), destination_scores, matching)
-        return self.matches(found, into, true_places)
-
-    def maps(self, images: Tensor) -> tuple[Maps, Tensor | None]:
-        """Return the encoder's maps and the scores of images (B, 1, H, H), the margin included."""
-        margin = (self.settings.side - images.shape[-1]) // 2
-        maps = self.encoder(pad(images, [margin] * 4))
-        return maps, None if self.scores is None else torch.sigmoid(self.scores(maps).float())
-
-    def features(self, images: Tensor, network_dtype: torch.dtype = torch.float32) -> Features:
-        """Return all that a scan needs to be matched with others, of images (B, 1, H, H).
-
-        network_dtype: of the convolutions; keypoints are made of their results in float32.
-        """
-        with torch.autocast("cpu", network_dtype, enabled=network_dtype != torch.float32):
-            maps, scores = self.maps(images)
-            logits = None if self.locations is None else self.locations(maps)
-        maps = _in_float32(maps)
-        return Features(maps=maps, keypoints=self.keypoints(maps, scores, logits), scores=scores)
-
-    def keypoints(self, maps: Maps, scores: Tensor | None, logits: Tensor | None) -> Keypoints:
-        """Return the keypoints of pictures; logits: of their places, None for the cells' middles."""
-        if logits is not None:
-            return keypoints_at(expected_places(logits.float(), self.settings.cells), maps, scores)
-        centres = cell_centres(maps[0].shape[-1], self.settings.cells, like=maps[0])
-        return keypoints_at(centres.expand(maps[0].shape[0], -1, -1), maps, scores)
-
-    def matches(
-        self,
-        source: Keypoints,
-        into: Destination,
-        true_places: TruePlaces | None = None,
-        *,
-        within_m: float | None = None,
-    ) -> Matches:
-        """Look for the source's keypoints in destinations.
-
-        within_m: where pictures are shown in one frame, how far from its own place each keypoint is expected,
-        as a standard deviation [m]; None expects it anywhere alike. true_places: where each truly is in the
-        destination, for the surprisal of matches that are expected anywhere.
-        """
-        if true_places is not None and within_m is not None:
-            raise ValueError("true_places goes without within_m: surprisal is that of a search anywhere")
-        precision = surprisal = None
-        if within_m is None:
-            temperature = self.settings.temperature
-            found = match_global(source.descriptors, into.picture, temperature=temperature)
-            places = found.places_px
-            if true_places is not None:
-                surprisal = self._surprisal(source, into.picture, found.log_sums, true_places)
+        settings, count = self.settings, len(source)
+        maps = self.maps(torch.cat([source, destination]))
+        # The three outputs: dense descriptors, scores and, of the source, keypoint locations.
+        dense = dense_descriptors(maps)
+        scores = torch.ones_like(dense[:, :1]) if self.scores is None else self.scores(maps).sigmoid()
+        if self.locations is None:
+            points = cell_centres(settings.side, settings.cells, like=dense).expand(count, -1, -1)
         else:
-            places, precision = self._near(source, into.picture, within_m)
-        similarity = (source.descriptors * descriptors_at(into.picture.maps, places)).sum(-1)
-        matched = torch.ones_like(similarity) if into.scores is None else sampled(into.scores, places)[..., 0]
-        return Matches(
-            source_m=self.metres(source.points_px),
-            destination_m=self.metres(places),
-            weights=match_weights(similarity, source.scores, matched),
-            surprisal=surprisal,
-            precision=precision,
+            logits = self.locations(tuple(each[:count] for each in maps))
+            points = keypoint_locations(logits, settings.cells)
+        # Descriptors and scores at keypoints, and their matches in the destination.
+        descriptors = unit(sampled(dense[:count], points))
+        matched = matched_locations(descriptors, unit(dense[count:], dim=1), temperature=settings.temperature)
+        similarity = (descriptors * unit(sampled(dense[count:], matched))).sum(-1)
+        weights = match_weights(
+            similarity, sampled(scores[:count], points)[..., 0], sampled(scores[count:], matched)[..., 0]
         )
+        points_m, matched_m = (
+            metres_of_pixels(each, size=settings.side, pixel_m=settings.image.pixel_m)
+            for each in (points, matched)
+        )
+        matches = Matches(source_m=points_m, destination_m=matched_m, weights=weights)
+        return weighted_pose(points_m, matched_m, weights), matches
 
-    def _near(self, source: Keypoints, picture: FeaturePyramid, within_m: float) -> tuple[Tensor, Tensor]:
-        """Return places (B, N, 2) [px] found near the keypoints' own, and their precisions (B, N, 2, 2).
+    def embedding(self, images: Tensor) -> Tensor:
+        """Describe places by the maximum of each dense descriptor over all locations (III-D).
 
-        A normal distribution narrower than a sample would choose among samples, so it is not.
+        Args:
+            images: Images (B, 1, size, size).
+
+        Returns:
+            Descriptions (B, 248).
         """
-        deviation_px = max(within_m / self.settings.image.pixel_m, picture.stride)
-        near = Near(places_px=source.points_px, deviation_px=deviation_px)
-        found = match_local(source.descriptors, picture, temperature=self.settings.temperature, near=near)
-        places, precision = remove_prior(found.found, found.expected)
-        return places, precision_of_pixels(precision)
-
-    def _surprisal(
-        self,
-        source: Keypoints,
-        picture: FeaturePyramid,
-        log_sums: Tensor,
-        true_places: TruePlaces,
-    ) -> Tensor:
-        """Return (B, N) [nat]: log sum - T q . d at the true places, 0 where these are not in the picture.
-
-        The true place shares in the samples around it, as bilinear interpolation has it: were its descriptor
-        made of finer maps than those of the samples, the network would learn to tell the two apart.
-        """
-        true_m = true_places(self.metres(source.points_px))
-        side = self.settings.side
-        places = pixels_of_metres(true_m, size=side, pixel_m=self.settings.image.pixel_m)
-        inside = ((places >= 0) & (places <= side - 1)).all(-1)
-        similarity = picture.similarity(source.descriptors, places.detach())
-        return torch.where(inside, log_sums - self.settings.temperature * similarity, 0.0)
-
-    def metres(self, points_px: Tensor) -> Tensor:
-        """Return points (..., 2) row, column [px] as forward, right [m]."""
-        return metres_of_pixels(points_px, size=self.settings.side, pixel_m=self.settings.image.pixel_m)
-
-    def embedding(self, features: Features) -> Tensor:
-        """Return (B, 248), the description of the place."""
-        return embedding(features.maps)
-
-
-def destination_of(maps: Maps, scores: Tensor | None, matching: Matching) -> Destination:
-    """Return pictures with these maps and scores, to be searched as `matching` says."""
-    picture = FeaturePyramid(maps=maps, stride=matching.stride, dtype=matching.dtype)
-    return Destination(picture=picture, scores=scores)
-
-
-def _in_float32(maps: Maps) -> Maps:
-    """Return maps as they are computed with: autocast makes the network's output bfloat16."""
-    return tuple(with_gradient_by_pixel(each).float() for each in maps)
+        return dense_descriptors(self.maps(images)).amax((2, 3))

@@ -15,9 +15,8 @@ from torch.autograd import Function
 from torch.autograd.function import once_differentiable
 from torch.nn.functional import linear
 
-from echoscape.learn.model.descriptors import SMALLEST_NORM
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
-from echoscape.learn.model.softmax_matching import pixel_grid
+from echoscape.learn.model.keypoint_model import MIN_NORM, pixel_grid
 
 _SMALLEST_SUM = 1e-20
 _PIECE = 1280
@@ -97,7 +96,7 @@ class _Searched(Function):
         for part, unit, numerators in pieces:
             piece = (factor @ weights[:, part]).mul_(numerators).to(unit.dtype)
             by_left += piece @ unit.T
-            by_unit, long = (left.T @ piece).to(slope.dtype), lengths[part] > SMALLEST_NORM
+            by_unit, long = (left.T @ piece).to(slope.dtype), lengths[part] > MIN_NORM
             along = torch.where(long, (by_unit * unit).sum(0), 0.0)
             by_unit.addcmul_(unit.to(slope.dtype), along, value=-1)
             by_descriptors[:, part] = by_unit.div_(lengths[part])

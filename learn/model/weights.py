@@ -1,6 +1,6 @@
 """Weights in one file: safetensors, with the model's settings and the record of its training in the header.
 
-Source: the safetensors format, tensors and a dictionary of strings, which runs no code when it is read.
+Source: the safetensors format, tensors and a dictionary of strings; no code is executed when a file is read.
 """
 
 import json
@@ -13,51 +13,73 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from echoscape.learn.data.image_settings import ImageSettings
-from echoscape.learn.model.keypoint_model import KeypointModel, ModelSettings
-from echoscape.sim.datasets.files.atomic_write import DatasetError, write_whole
+from echoscape.learn.model.fast_keypoint_model import FastKeypointModel
+from echoscape.learn.model.keypoint_model import KeypointModel
+from echoscape.learn.model.model_settings import ModelSettings
+from echoscape.sim.datasets.files.atomic_write import DatasetError, write_atomic
 
 FORMAT = "echoscape keypoints 1"
 _KEY = "echoscape"
 """The one entry of the header: several would be written in an order that changes from run to run."""
 
 
-def settings_of(told: Mapping[str, Any]) -> ModelSettings:
-    """Return the settings that `dataclasses.asdict` told.
+def settings_of(values: Mapping[str, Any]) -> ModelSettings:
+    """Restore the settings of a model.
+
+    Args:
+        values: The settings as `dataclasses.asdict` returns them.
+
+    Returns:
+        The settings.
 
     Raises:
-        ValueError: a setting is unknown or out of range.
+        ValueError: A setting is unknown or out of range.
     """
     try:
-        return ModelSettings(**{**told, "image": ImageSettings(**told["image"])})
+        return ModelSettings(**{**values, "image": ImageSettings(**values["image"])})
     except (KeyError, TypeError) as error:
         raise ValueError(f"settings must be those of this version: {error}") from error
 
 
-def write_weights(path: Path, model: KeypointModel, record: Mapping[str, Any]) -> None:
-    """Write a model to `path`, whole or not at all; record: of its training, anything that JSON holds."""
-    told = {"format": FORMAT, "settings": asdict(model.settings), "training": dict(record)}
-    header = {_KEY: json.dumps(told)}
+def write_weights(path: Path, model: KeypointModel | FastKeypointModel, record: Mapping[str, Any]) -> None:
+    """Write a model, whole or not at all.
+
+    Args:
+        path: The file.
+        model: The model, on any device.
+        record: Record of its training, anything that JSON can hold.
+    """
+    content = {"format": FORMAT, "settings": asdict(model.settings), "training": dict(record)}
+    header = {_KEY: json.dumps(content)}
     tensors = {name: value.detach().cpu().contiguous() for name, value in model.state_dict().items()}
-    write_whole(path, save(tensors, header))
+    write_atomic(path, save(tensors, header))
 
 
-def read_weights(path: Path) -> tuple[KeypointModel, dict[str, Any]]:
-    """Read a model, ready for inference, and the record of its training.
+def load_weights(path: Path) -> tuple[KeypointModel, dict[str, Any]]:
+    """Read a model.
+
+    Args:
+        path: File of weights.
+
+    Returns:
+        The model in evaluation mode, on the CPU, and the record of its training.
 
     Raises:
-        DatasetError: the file is absent, damaged, no model of ours, or does not fit; the message names it.
+        DatasetError: The file is absent or damaged, not a model of this package, or one that does not fit its
+            settings; the message names it.
     """
     try:
         with safe_open(path, "pt") as file:
             header = json.loads((file.metadata() or {}).get(_KEY, "{}"))
             if not isinstance(header, dict):
-                raise DatasetError(f"{path}: its header is no dictionary")
+                raise DatasetError(f"{path}: its header is not a dictionary")
             if header.get("format") != FORMAT:
-                raise DatasetError(f"{path}: its format is {header.get('format')!r}, wanted {FORMAT!r}")
+                raise DatasetError(f"{path}: its format is {header.get('format')!r}, expected {FORMAT!r}")
             model = KeypointModel(settings_of(header["settings"]))
             model.load_state_dict({name: file.get_tensor(name) for name in file.keys()})  # noqa: SIM118
             return model.eval(), header["training"]
     except DatasetError:
         raise
     except (OSError, SafetensorError, KeyError, ValueError, RuntimeError) as error:
-        raise DatasetError(f"{path}: is no model that can be read ({str(error).splitlines()[0]})") from error
+        reason = str(error).splitlines()[0]
+        raise DatasetError(f"{path}: cannot be read as a model ({reason})") from error

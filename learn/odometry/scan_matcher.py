@@ -1,9 +1,9 @@
-"""A trained model at work: keypoints once a scan, then the motion between any two scans, and a scan's place.
+"""A trained model at work on scans: features once a scan, then the motion between any two, and places.
 
-Source: Barnes & Posner 2020, sections III-C and III-D. Batch normalisation is folded into the convolutions.
+Source: Barnes & Posner 2020, sections III-C and III-D. The robust, compensated and joint pose is ours
+(`learn.geometry`). Batch normalisation is folded into the convolutions.
 """
 
-import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,225 +16,292 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from echoscape.learn.data.image import Projector, range_cells
 from echoscape.learn.geometry.matches import Matches
-from echoscape.learn.geometry.motion_compensation import Part, ScanMotionModel, solve_compensated
+from echoscape.learn.geometry.motion_compensation import Part, ScanMotionModel, Twist, solve_compensated
 from echoscape.learn.geometry.pose_refinement import turned_precision
 from echoscape.learn.geometry.procrustes import ROBUST_SCALE_PX, Motion
-from echoscape.learn.geometry.se2 import relative, to_motion, to_pose, transform
-from echoscape.learn.model.keypoint_model import (
+from echoscape.learn.geometry.se2 import relative, to_motion, transform
+from echoscape.learn.model.device import fast_dtype
+from echoscape.learn.model.fast_keypoint_model import (
     Destination,
-    Features,
-    KeypointModel,
+    FastKeypointModel,
     Matching,
     destination_of,
 )
+from echoscape.learn.model.keypoint_model import KeypointModel
+from echoscape.learn.model.keypoints import Keypoints
+from echoscape.learn.odometry.pair_estimate import PairEstimate, pair_estimate
+from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.se2 import IDENTITY, SE2
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScanFeatures:
-    """What is kept of a scan.
+    """What is kept of a scan, to be matched with others as source or as destination.
 
-    seen: what the network says of its picture; cells: range cells (azimuths, cells) uint8; shown_at: the pose
-    of the scan in the frame of its picture, which need not be upright nor show the radar in its middle.
+    Attributes:
+        keypoints: Its keypoints, in its image.
+        destination: Its image to be searched; what searches share is computed by the first and kept.
+        cells: Its range cells (azimuths, cells) uint8, from which it can be rendered at other poses.
+        rendered_at: Pose of the scan in the frame of its image, IDENTITY for an image centred on the radar
+            with forward up.
     """
 
-    seen: Features
+    keypoints: Keypoints
+    destination: Destination
     cells: NDArray[np.uint8]
-    shown_at: SE2 = IDENTITY
+    rendered_at: SE2 = IDENTITY
 
 
 @dataclass(frozen=True, kw_only=True)
-class MatchTarget:
-    """A scan's picture for others to be looked for in, and the scan's pose in its frame.
+class Reference:
+    """A destination of a joint estimate.
 
-    What searches share is made by the first of them, and kept.
+    Attributes:
+        features: The scan.
+        pose: Its pose in the frame of the estimate.
+        twist: Velocities at which it was measured; None for those of the motion to the source.
+        weight: Factor of the weights of its matches.
     """
 
-    destination: Destination
-    shown_at: SE2
+    features: ScanFeatures
+    pose: SE2 = IDENTITY
+    twist: Twist | None = None
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatcherConfig:
-    """How a motion is made of matches.
+    """How motions are computed.
 
-    robust: whether matches that disagree with the others are weighed down, rather than least squares of all;
-    matching: how matches are searched for; network: number format of the convolutions.
+    Attributes:
+        robust: Whether outliers are weighted down; otherwise least squares of all matches.
+        matching: How matches are searched for.
+        network_dtype: Number format of the convolutions.
     """
 
     robust: bool = True
     matching: Matching = field(default_factory=Matching)
-    network: torch.dtype = torch.float32
+    network_dtype: torch.dtype = torch.float32
 
 
-def quick_solving() -> MatcherConfig:
-    """Return what costs least and was seen to be as accurate: a search between every four pixels.
+def quick_config(device: torch.device) -> MatcherConfig:
+    """Choose the fastest configuration that is as accurate: one sample per 2 x 2 pixels.
 
-    Networks and products are bfloat16 where the processor multiplies that by itself, which moves an answer
-    by millimetres; elsewhere float32.
+    Networks and products are bfloat16 where the device multiplies it natively, which changes motions by
+    millimetres; elsewhere float32.
+
+    Args:
+        device: Where the matcher runs.
+
+    Returns:
+        The configuration.
     """
-    able = torch.cpu.get_capabilities()
-    native = bool(able.get("avx512_bf16") or able.get("amx_bf16"))
-    dtype = torch.bfloat16 if native else torch.float32
-    return MatcherConfig(matching=Matching(stride=2, dtype=dtype), network=dtype)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PairEstimate:
-    """The motion T_destination_source of a pair and the matches behind it.
-
-    source_m, destination_m: (N, 2) float32 forward, right [m], each in its own scan's frame, as its picture
-    shows it; weights: (N,) float32; certain: whether the matches determine the motion; agreement: the weight
-    of the matches that the motion explains, those with other destinations included.
-    """
-
-    motion: SE2
-    source_m: NDArray[np.float32]
-    destination_m: NDArray[np.float32]
-    weights: NDArray[np.float32]
-    certain: bool
-    agreement: float
+    dtype = fast_dtype(device)
+    return MatcherConfig(matching=Matching(stride=2, dtype=dtype), network_dtype=dtype)
 
 
 class ScanMatcher:
-    """A model that takes scans."""
+    """Matches scans by a trained model."""
 
-    def __init__(self, model: KeypointModel, solving: MatcherConfig | None = None) -> None:
-        """Take a copy of the model, made faster for inference."""
-        self.model = folded(model)
-        self.solving = solving or MatcherConfig()
+    def __init__(
+        self,
+        model: KeypointModel | FastKeypointModel,
+        config: MatcherConfig | None = None,
+        *,
+        device: torch.device | None = None,
+        range_offset_m: float = 0.0,
+    ) -> None:
+        """Take a copy of a model, prepared for inference.
+
+        Args:
+            model: The model.
+            config: How motions are computed; None for the default configuration.
+            device: Where to compute; None for where the model is. Poses are solved on the CPU.
+            range_offset_m: Added to the ranges of all bins [m].
+        """
+        self.device = device or next(model.parameters()).device
+        self.model = folded(model).to(self.device)
+        self.config = config or MatcherConfig()
+        self._range_offset_m = range_offset_m
         self._projectors: dict[int, Projector] = {}
 
-    @torch.inference_mode()
-    def features(
-        self,
-        codes: NDArray[np.uint8],
-        bin_m: float,
-        *,
-        range_offset_m: float = 0.0,
-        shown_at: SE2 = IDENTITY,
-    ) -> ScanFeatures:
-        """Return what is kept of a scan with codes (azimuths, bins), shown at a pose.
+    def features(self, scan: PolarScan, *, rendered_at: SE2 = IDENTITY) -> ScanFeatures:
+        """Compute the features of a scan.
+
+        Args:
+            scan: The scan.
+            rendered_at: Pose of the scan in the frame of its image.
+
+        Returns:
+            Its features, on the device.
 
         Raises:
-            ValueError: `codes` is no scan, or `bin_m` no length.
+            ValueError: The scan has no azimuths or bins.
         """
-        cells = range_cells(codes, bin_m, self.model.settings.image, range_offset_m=range_offset_m)
-        return self._seen(cells, shown_at)
+        settings = self.model.settings.image
+        cells = range_cells(scan.codes, scan.bin_m, settings, range_offset_m=self._range_offset_m)
+        return self._features(cells, rendered_at)
 
-    @torch.inference_mode()
-    def shown(self, scan: ScanFeatures, shown_at: SE2) -> ScanFeatures:
-        """Return what is kept of a scan once its picture shows it at another pose."""
-        return scan if shown_at == scan.shown_at else self._seen(scan.cells, shown_at)
+    def rendered(self, scan: ScanFeatures, rendered_at: SE2) -> ScanFeatures:
+        """Compute the features of a scan rendered at another pose.
 
-    @torch.inference_mode()
-    def searchable(self, scan: ScanFeatures) -> MatchTarget:
-        """Return the scan as a destination, to be used for as many sources as there are."""
-        seen = scan.seen
-        into = destination_of(seen.maps, seen.scores, self.solving.matching)
-        return MatchTarget(destination=into, shown_at=scan.shown_at)
+        Args:
+            scan: Features of the scan.
+            rendered_at: Pose of the scan in the frame of its new image.
 
-    @torch.inference_mode()
-    def matches(self, source: ScanFeatures, into: MatchTarget, *, within_m: float | None = None) -> Matches:
-        """Return the matches of the source's keypoints, points each in its own scan's frame [m].
-
-        within_m: where both are shown in one frame, how far off in it a match is expected to be, as a
-        standard deviation [m]; None expects it anywhere alike.
+        Returns:
+            The features; the same object if the pose is the same.
         """
-        found = self.model.matches(source.seen.keypoints, into.destination, within_m=within_m)
+        return scan if rendered_at == scan.rendered_at else self._features(scan.cells, rendered_at)
+
+    @torch.inference_mode()
+    def match(
+        self, source: ScanFeatures, destination: ScanFeatures, *, search_sigma_m: float | None = None
+    ) -> Matches:
+        """Match the keypoints of a scan to another scan.
+
+        Args:
+            source: The scan whose keypoints are searched for.
+            destination: The scan that is searched.
+            search_sigma_m: Where both images show the scene in one frame, the standard deviation of a match
+                from its keypoint there [m]; None searches the whole image.
+
+        Returns:
+            One set of matches on the CPU, points each in the frame of its own scan.
+        """
+        found = self.model.match(
+            source.keypoints, destination.destination, search_sigma_m=search_sigma_m
+        ).cpu()
+        to_source, to_destination = source.rendered_at.inverse(), destination.rendered_at.inverse()
         return replace(
             found,
-            source_m=transform(source.shown_at.inverse(), found.source_m),
-            destination_m=transform(into.shown_at.inverse(), found.destination_m),
+            source_m=transform(to_source, found.source_m),
+            destination_m=transform(to_destination, found.destination_m),
             precision=None
             if found.precision is None
-            else turned_precision(found.precision, to_motion(into.shown_at.inverse()).rotation),
-        )
-
-    @torch.inference_mode()
-    def solve(self, parts: Sequence[Part], rolling: ScanMotionModel | None = None) -> PairEstimate:
-        """Return the source's pose by its matches with one destination or more, and those with the last.
-
-        The pose is told in the frame in which the parts tell their destinations'.
-        """
-        scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m
-        motion, seen = solve_compensated(
-            parts, scale_m=scale_m if self.solving.robust else None, rolling=rolling
-        )
-        last = parts[-1].matches
-        return PairEstimate(
-            motion=to_pose(motion),
-            source_m=last.source_m[0].numpy(),
-            destination_m=last.destination_m[0].numpy(),
-            weights=last.weights[0].numpy(),
-            certain=bool(motion.certain),
-            agreement=sum(_agreement(part, motion, scale_m) for part in seen),
+            else turned_precision(found.precision, to_motion(to_destination).rotation),
         )
 
     def estimate(
-        self, source: ScanFeatures, destination: ScanFeatures, rolling: ScanMotionModel | None = None
+        self,
+        source: ScanFeatures,
+        references: Sequence[Reference] | ScanFeatures,
+        *,
+        scan_motion: ScanMotionModel | None = None,
+        search_sigma_m: float | None = None,
     ) -> PairEstimate:
-        """Return the motion T_destination_source of scans whose pictures differ by less than some 20 deg.
+        """Estimate the pose of a scan from its matches with one or several others.
 
-        rolling: how the scans rolled, for the motion from mid-scan to mid-scan of a car that is not slow;
-        without it points count as if they had all been seen at once.
+        Without a search prior, images may differ in heading by some 20 deg.
+
+        Args:
+            source: The scan.
+            references: Destinations, or a single scan for the motion to it.
+            scan_motion: Timing, for a motion from mid-scan to mid-scan at the velocity of the estimate itself;
+                None takes points as measured at a single instant.
+            search_sigma_m: See `match`.
+
+        Returns:
+            The pose of the source in the frame of the references' poses, with the matches of the last one.
         """
-        return self._estimate(source, self.searchable(destination), rolling)
+        if isinstance(references, ScanFeatures):
+            references = [Reference(features=references)]
+        parts = [
+            Part(
+                matches=self.match(source, each.features, search_sigma_m=search_sigma_m),
+                pose=to_motion(each.pose),
+                twist=each.twist,
+                weight=each.weight,
+            )
+            for each in references
+        ]
+        return self._solve(parts, scan_motion)
+
+    @torch.inference_mode()
+    def _solve(self, parts: Sequence[Part], scan_motion: ScanMotionModel | None = None) -> PairEstimate:
+        """Return the pose of the source in the frame of the parts' poses, with the matches of the last part."""
+        scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m
+        motion, compensated = solve_compensated(
+            parts, scale_m=scale_m if self.config.robust else None, scan_motion=scan_motion
+        )
+        agreement = sum(_agreement(part, motion, scale_m) for part in compensated)
+        return pair_estimate(motion, parts[-1].matches, agreement=agreement)
 
     def estimate_any_heading(
         self, source: ScanFeatures, destination: ScanFeatures, *, headings: int = 16
     ) -> PairEstimate:
-        """Return the motion T_destination_source of scans with any headings.
+        """Estimate the motion between scans of one place at any headings.
 
-        The source's picture is turned to `headings` headings, evenly around; the motion whose matches agree
-        most wins, and is refined with the source shown where that motion says.
+        The source is rendered at `headings` headings, evenly spaced; the motion that most matches agree with
+        is refined with the source rendered there.
+
+        Args:
+            source: The scan.
+            destination: The scan that is searched.
+            headings: Number of hypotheses.
+
+        Returns:
+            The motion T_destination_source.
 
         Raises:
             ValueError: `headings` is below 1.
         """
         if headings < 1:
             raise ValueError(f"headings must be 1 or more, got {headings}")
-        into = self.searchable(destination)
-        turns = (2 * math.pi * number / headings for number in range(headings))
-        shown = (self.shown(source, replace(IDENTITY, yaw_rad=turn)) for turn in turns)
-        best = max((self._estimate(each, into) for each in shown), key=lambda found: found.agreement)
-        refined = self._estimate(self.shown(source, into.shown_at @ best.motion), into)
-        return max(refined, best, key=lambda found: found.agreement)
+        yaws = (2 * math.pi * number / headings for number in range(headings))
+        rendered = (self.rendered(source, replace(IDENTITY, yaw_rad=yaw)) for yaw in yaws)
+        best = max((self.estimate(each, destination) for each in rendered), key=lambda found: found.agreement)
+        at_best = self.rendered(source, destination.rendered_at @ best.motion)
+        return max(self.estimate(at_best, destination), best, key=lambda found: found.agreement)
 
     @torch.inference_mode()
     def embedding(self, scan: ScanFeatures) -> NDArray[np.float32]:
-        """Return the description (248,) float32 of the scan's place."""
-        return self.model.embedding(scan.seen)[0].numpy()
+        """Describe the place of a scan.
 
-    def _seen(self, cells: NDArray[np.uint8], shown_at: SE2) -> ScanFeatures:
-        """Return what the network says of range cells, shown at a pose."""
+        Args:
+            scan: Features of the scan.
+
+        Returns:
+            The description (248,) float32: the maximum of each dense descriptor over its image.
+        """
+        return self.model.embedding(scan.destination.pyramid.maps)[0].cpu().numpy()
+
+    @torch.inference_mode()
+    def _features(self, cells: NDArray[np.uint8], rendered_at: SE2) -> ScanFeatures:
+        """Return the features of range cells, rendered at a pose."""
         if len(cells) not in self._projectors:
             self._projectors[len(cells)] = Projector(self.model.settings.image, len(cells))
-        projector = self._projectors[len(cells)]
-        shift_m = (shown_at.x_m, shown_at.y_m)
-        picture = projector.image(cells, turn_rad=shown_at.yaw_rad, shift_m=shift_m)[None]
-        seen = self.model.features(picture, self.solving.network)
-        return ScanFeatures(seen=seen, cells=cells, shown_at=shown_at)
-
-    def _estimate(
-        self, source: ScanFeatures, into: MatchTarget, rolling: ScanMotionModel | None = None
-    ) -> PairEstimate:
-        return self.solve([Part(matches=self.matches(source, into), stood_at=to_motion(IDENTITY))], rolling)
+        shift_m = (rendered_at.x_m, rendered_at.y_m)
+        image = self._projectors[len(cells)].image(cells, turn_rad=rendered_at.yaw_rad, shift_m=shift_m)
+        found = self.model.features(image[None].to(self.device), self.config.network_dtype)
+        return ScanFeatures(
+            keypoints=found.keypoints,
+            destination=destination_of(found.maps, found.scores, self.config.matching),
+            cells=cells,
+            rendered_at=rendered_at,
+        )
 
 
 def _agreement(part: Part, motion: Motion, scale_m: float) -> float:
-    """Return the weight of the matches that a motion explains."""
-    off = part.matches.errors_m(relative(part.stood_at, motion)) / scale_m
+    """Return the sum of the weights of the matches that a motion explains."""
+    off = part.matches.errors_m(relative(part.pose, motion)) / scale_m
     return part.weight * float((part.matches.weights * torch.exp(-0.5 * off**2)).sum())
 
 
-def folded(model: KeypointModel) -> KeypointModel:
-    """Return a copy in evaluation mode whose batch normalisations are part of its convolutions."""
-    model = copy.deepcopy(model).eval()
-    for part in model.modules():
+def folded(model: KeypointModel | FastKeypointModel) -> FastKeypointModel:
+    """Copy a model for inference, its batch normalisations folded into its convolutions.
+
+    Args:
+        model: The model.
+
+    Returns:
+        The copy in evaluation mode, without gradients.
+    """
+    fast = FastKeypointModel.from_plain(model).eval()
+    for part in fast.modules():
         if isinstance(part, nn.Sequential):
             for i, (layer, following) in enumerate(zip(list(part), list(part)[1:], strict=False)):
                 if isinstance(layer, nn.Conv2d) and isinstance(following, nn.BatchNorm2d):
                     part[i], part[i + 1] = fuse_conv_bn_eval(layer, following), nn.Identity()
     # With a pixel's channels side by side, convolutions and descriptors take half the time.
-    return model.requires_grad_(False).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
+    return fast.requires_grad_(False).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]

@@ -1,8 +1,7 @@
-"""The training losses: the error of the pose, and optionally those of every match.
+"""Training losses of matches, beside the paper's loss of the pose (`learn.model.keypoint_model.pose_loss`).
 
-Source: Barnes & Posner 2020, equation 6: |t^ - t|_2 + alpha |R^ R^T - 1|_2 with alpha = 10. The losses of
-matches are ours: true motions give the place of each keypoint in the other scan, which real logs rarely have
-at that accuracy.
+These are ours: true motions give the place of each keypoint in the other scan, which real logs rarely have at
+that accuracy.
 """
 
 import torch
@@ -10,30 +9,10 @@ from torch import Tensor
 
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.procrustes import Motion, shares
-from echoscape.learn.training.config import ALPHA_M
 
 _SMALLEST_WEIGHT = 1e-12
 _SMALLEST_DOUBT = 1e-6
 _LEAST_CARE = 0.1
-
-
-def pose_loss(estimate: Motion, truth: Motion, *, alpha_m: float = ALPHA_M) -> Tensor:
-    """Compute |t^ - t| + alpha |R^ R^T - 1|, both spectral norms.
-
-    For plane rotations that differ by delta the second is 2 |sin(delta / 2)|: both columns of the matrix
-    have that length and are orthogonal. At an error of exactly 0 the gradient is 0.
-
-    Args:
-        estimate: Estimated motions, B of them.
-        truth: True motions.
-        alpha_m: Weight of the rotation [m].
-
-    Returns:
-        The loss (B,) [m].
-    """
-    translation_m = torch.linalg.vector_norm(estimate.translation_m - truth.translation_m, dim=-1)
-    rotation = estimate.rotation @ truth.rotation.transpose(1, 2) - torch.eye(2).to(estimate.rotation)
-    return translation_m + alpha_m * torch.linalg.vector_norm(rotation[..., 0], dim=-1)
 
 
 def match_loss(matches: Matches, truth: Motion) -> Tensor:

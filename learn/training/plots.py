@@ -12,14 +12,14 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from echoscape.learn.data.scan_pairs import Pair, PairDataset
 from echoscape.learn.geometry.procrustes import moved
-from echoscape.learn.model.keypoint_model import KeypointModel, Matching
+from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
 from echoscape.sim.datasets.files.atomic_write import read_text, temporary_beside
 
 _MATCHES = 150
 """Matches that are drawn, those with the largest weights."""
 
 
-def draw_training(log: Path, out: Path, model: KeypointModel, example: tuple[PairDataset, Pair]) -> None:
+def draw_training(log: Path, out: Path, model: FastKeypointModel, example: tuple[PairDataset, Pair]) -> None:
     """Draw a training run into a PNG file, whole or not at all.
 
     Args:
@@ -56,7 +56,7 @@ def _draw_curves(axes: Axes, entries: list[dict], name: str, label: str) -> None
 
 
 @torch.no_grad()
-def _draw_matches(axes: Axes, model: KeypointModel, pairs: PairDataset, pair: Pair) -> None:
+def _draw_matches(axes: Axes, model: FastKeypointModel, pairs: PairDataset, pair: Pair) -> None:
     """Draw keypoints of the source, moved by the estimate, and lines from there to their matches."""
     training, device = model.training, next(model.parameters()).device
     batch = pairs.batch([pair]).to(device)

@@ -25,6 +25,7 @@ from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.procrustes import ROBUST_SCALE_PX, Motion
 from echoscape.learn.model.device import Device, resolve_device
 from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
+from echoscape.learn.model.keypoint_model import pose_loss
 from echoscape.learn.model.model_settings import ModelSettings
 from echoscape.learn.model.weights import write_weights
 from echoscape.learn.training.checkpoint import (
@@ -39,7 +40,7 @@ from echoscape.learn.training.checkpoint import (
 from echoscape.learn.training.config import TrainingConfig
 from echoscape.learn.training.distributed import Process, joined_processes
 from echoscape.learn.training.logger import LOG_FILE, LogCallback, TrainingLog
-from echoscape.learn.training.losses import likelihood_loss, match_loss, pose_errors, pose_loss, score_loss
+from echoscape.learn.training.losses import likelihood_loss, match_loss, pose_errors, score_loss
 from echoscape.learn.training.plots import draw_training
 from echoscape.learn.training.validation import fixed_pairs, pair_errors
 from echoscape.sim.datasets.files.atomic_write import DatasetError, remove_temporaries, write_atomic

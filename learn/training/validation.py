@@ -9,8 +9,10 @@ import torch
 from echoscape.learn.data.augmentation import AugmentationConfig
 from echoscape.learn.data.scan_pairs import Pair, PairDataset
 from echoscape.learn.geometry.procrustes import ROBUST_SCALE_PX
-from echoscape.learn.model.keypoint_model import KeypointModel, Matching
-from echoscape.learn.training.losses import pose_errors, pose_loss
+from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
+from echoscape.learn.model.keypoint_model import pose_loss
+from echoscape.learn.training.config import ALPHA_M
+from echoscape.learn.training.losses import pose_errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +59,7 @@ def fixed_pairs(
 
 @torch.no_grad()
 def pair_errors(
-    model: KeypointModel,
+    model: FastKeypointModel,
     pairs: PairDataset,
     chosen: Sequence[Pair],
     matching: Matching,
@@ -89,7 +91,7 @@ def pair_errors(
             matches = batch.truth.to_mid_scan(matches)
         motion = matches.motion(robust_scale_m=scale_m)
         off_m, off_rad = pose_errors(motion, batch.motion)
-        found.append((float(off_m), float(off_rad), float(pose_loss(motion, batch.motion))))
+        found.append((float(off_m), float(off_rad), float(pose_loss(motion, batch.motion, alpha_m=ALPHA_M))))
     model.train(training)
     translation_m, rotation_rad, loss_m = np.array(found).T
     return PairErrors(

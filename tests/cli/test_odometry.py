@@ -10,7 +10,8 @@ import torch
 from echoscape.cli.__main__ import main
 from echoscape.eval.odometry.learned import learned_odometry
 from echoscape.learn.data.image_settings import ImageSettings
-from echoscape.learn.model.keypoint_model import KeypointModel, ModelSettings
+from echoscape.learn.model.keypoint_model import KeypointModel
+from echoscape.learn.model.model_settings import ModelSettings
 from echoscape.learn.model.weights import write_weights
 from echoscape.sim.datasets.layouts.oxford import read_odometry
 from echoscape.sim.sensor.cts350x import CTS350X
@@ -76,7 +77,7 @@ def test_the_robust_solver_without_compensation_is_chosen_by_options(
     out = tmp_path / "out"
     words = ["odometry", str(points), "--out", str(out), "--weights", str(weights)]
     assert main([*words, "--solver", "robust", "--no-compensate"]) == 0
-    assert json.loads((out / "metrics.json").read_text())["method"] == "learned, pairs alone, not compensated"
+    assert json.loads((out / "metrics.json").read_text())["method"] == "learned, robust, not compensated"
 
 
 def test_the_doppler_shift_is_that_of_the_sensor(

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from echoscape.learn.model.unet import CHANNELS, Maps
+from echoscape.learn.model.keypoint_model import CHANNELS, Maps
 
 
 def drawn_maps(size: int, *, seed: int = 1, dtype: torch.dtype = torch.float32, batch: int = 1) -> Maps:

@@ -8,9 +8,11 @@ from typing import cast
 import numpy as np
 import pytest
 
-from echoscape.eval.odometry.loop_closure import APART_M, loop_closure_recall, places_of, turned_pairs
-from echoscape.learn.odometry.scan_matcher import PairEstimate, ScanMatcher
+from echoscape.eval.odometry.loop_closure import MAX_DISTANCE_M, loop_closure_recall, places_of, rotated_pairs
+from echoscape.learn.odometry.pair_estimate import PairEstimate
+from echoscape.learn.odometry.scan_matcher import ScanMatcher
 from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.se2 import SE2
 from tests.eval.drives import TINY, opened, write_drive
 
@@ -25,10 +27,10 @@ def _estimate(motion: SE2) -> PairEstimate:
 
 
 class Blind:
-    """An estimator that sees no turn, unless it may try headings."""
+    """A matcher that finds no rotation, unless it may try headings."""
 
-    def features(self, codes: np.ndarray, bin_m: float, *, range_offset_m: float) -> np.ndarray:
-        return codes
+    def features(self, scan: PolarScan) -> np.ndarray:
+        return scan.codes
 
     def estimate(self, source: np.ndarray, destination: np.ndarray) -> PairEstimate:
         return _estimate(SE2(x_m=0.0, y_m=0.0, yaw_rad=0.0))
@@ -48,24 +50,24 @@ def _circle(count: int = 40, radius_m: float = 10.0) -> np.ndarray:
 
 def test_drawn_pairs_are_near_each_other_at_every_distance_and_heading() -> None:
     poses = _circle()
-    found = turned_pairs(poses, 400, 3000, seed=1)
+    found = rotated_pairs(poses, 400, 3000, seed=1)
     away = np.array([np.hypot(*(poses[pair.source] - poses[pair.destination])[:2]) for pair in found])
-    assert away.max() <= APART_M
+    assert away.max() <= MAX_DISTANCE_M
     assert all(pair.source != pair.destination for pair in found)
     counts = np.histogram(away, np.arange(0, 6, 1.0))[0]
     assert (counts[counts > 0] > 0.8 * 3000 / (counts > 0).sum()).all()
-    rows = np.array([pair.rows for pair in found])
+    rows = np.array([pair.azimuths for pair in found])
     assert (np.histogram(rows, 8, (0, 400))[0] > 0.7 * 3000 / 8).all()
     later = np.mean([pair.source > pair.destination for pair in found])
     assert 0.45 < later < 0.55
-    assert found == turned_pairs(poses, 400, 3000, seed=1)
+    assert found == rotated_pairs(poses, 400, 3000, seed=1)
 
 
 def test_scans_whose_pose_is_unknown_or_that_are_far_apart_make_no_pair() -> None:
     poses = np.array([[0.0, 0, 0], [np.nan] * 3, [1.0, 0, 0], [50.0, 0, 0]])
-    assert {(pair.source, pair.destination) for pair in turned_pairs(poses, 8, 20)} == {(0, 2), (2, 0)}
+    assert {(pair.source, pair.destination) for pair in rotated_pairs(poses, 8, 20)} == {(0, 2), (2, 0)}
     with pytest.raises(DatasetError, match="within 5 m"):
-        turned_pairs(poses[[0, 3]], 8, 1)
+        rotated_pairs(poses[[0, 3]], 8, 1)
 
 
 def test_a_turn_is_found_by_who_can_and_missed_by_who_cannot(
@@ -92,7 +94,7 @@ def test_a_turn_is_found_by_who_can_and_missed_by_who_cannot(
 
 def test_a_folder_without_poses_cannot_judge(tmp_path: Path) -> None:
     folder = opened(write_drive(tmp_path / "drive", [(1.0, 0.0, 0.0)], truth=False))
-    with pytest.raises(DatasetError, match="tells no poses"):
+    with pytest.raises(DatasetError, match="needs true poses"):
         places_of(folder, 1)
 
 

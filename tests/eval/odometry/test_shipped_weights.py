@@ -10,7 +10,7 @@ import pytest
 from echoscape.eval.odometry.learned import learned_odometry, shipped_weights
 from echoscape.eval.odometry.metrics import pair_errors
 from echoscape.eval.odometry.run import run_odometry
-from echoscape.learn.model.weights import read_weights
+from echoscape.learn.model.weights import load_weights
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import open_folder
 from tests.eval.drives import landmarks, scan_of
@@ -26,7 +26,7 @@ def test_both_resolutions_of_the_paper_came_along() -> None:
 
 @pytest.mark.parametrize(("pixel_m", "path"), SHIPPED)
 def test_weights_are_small_and_tell_how_they_were_made(pixel_m: float, path: Path) -> None:
-    model, record = read_weights(path)
+    model, record = load_weights(path)
     assert model.settings.image.pixel_m == pixel_m
     assert path.stat().st_size < 4_000_000
     seen = set()
@@ -54,10 +54,10 @@ def test_a_real_pair_is_found_within_15_cm_and_a_third_of_a_degree(pixel_m: floa
 @pytest.mark.parametrize(("pixel_m", "path"), SHIPPED)
 def test_a_scan_turned_by_whole_rows_is_found_at_its_heading(pixel_m: float, path: Path) -> None:
     scan = _scan()
-    estimator = learned_odometry(path).estimator
-    source = estimator.features(np.roll(scan.codes, 7, axis=0), scan.bin_m)
-    found = estimator.estimate(source, estimator.features(scan.codes, scan.bin_m)).motion
-    # What stood ahead stands 7 rows to the right: the car has turned left by as much.
+    matcher = learned_odometry(path).matcher
+    source = matcher.features(replace(scan, codes=np.roll(scan.codes, 7, axis=0)))
+    found = matcher.estimate(source, matcher.features(scan)).motion
+    # What was ahead is 7 azimuths to the right: the car has turned left by as much.
     assert found.yaw_rad == pytest.approx(-7 * 2 * math.pi / len(scan.codes), abs=math.radians(0.3))
     assert math.hypot(found.x_m, found.y_m) < 0.1
 

@@ -27,7 +27,7 @@ from echoscape.learn.geometry.procrustes import Motion, rotation_of_yaw
 from echoscape.learn.geometry.se2 import to_motion, transform
 from echoscape.sim.datasets.se2 import IDENTITY, SE2
 
-TURN_S, BETA_S, GAP_S = 0.25, 0.049, 0.25
+SCAN_S, BETA_S, GAP_S = 0.25, 0.049, 0.25
 
 
 def _pose(velocity: tuple[float, float, float], time_s: float) -> NDArray[np.float64]:
@@ -50,11 +50,11 @@ def _seen(spot: NDArray[np.float64], velocity: tuple[float, float, float]) -> ND
 
     def late(time_s: float) -> float:
         """How far the beam is past the spot [rad], no jump within the scan."""
-        beam = (time_s / TURN_S + 0.5) * 2 * math.pi
+        beam = (time_s / SCAN_S + 0.5) * 2 * math.pi
         angle = math.atan2(*away(time_s)[::-1]) % (2 * math.pi)
         return beam - angle
 
-    time_s = bisect(late, -TURN_S / 2, TURN_S / 2)
+    time_s = bisect(late, -SCAN_S / 2, SCAN_S / 2)
     there = away(time_s)
     beam = there / np.hypot(*there)
     return there - BETA_S * float(beam @ velocity[:2]) * beam
@@ -86,7 +86,7 @@ VELOCITIES = [(12.0, 0.3, 0.4), (-3.0, 0.0, -0.5), (8.0, 0.0, 0.0), (0.0, 0.0, 0
 def test_a_spot_is_put_where_it_is_at_mid_scan(velocity: tuple[float, float, float]) -> None:
     seen = np.stack([_seen(spot, velocity) for spot in _spots()])
     twist = Twist(velocity_mps=torch.tensor([velocity[:2]]), yaw_rate_rps=torch.tensor([velocity[2]]))
-    found = to_mid_scan(_tensor(seen), twist, turn_s=TURN_S, doppler_beta_s=BETA_S)
+    found = to_mid_scan(_tensor(seen), twist, scan_s=SCAN_S, doppler_beta_s=BETA_S)
     assert_allclose(found[0], _spots(), atol=1e-6)
 
 
@@ -124,10 +124,10 @@ def test_the_motion_between_rolling_scans_is_exact_at_steady_velocity(
     source, destination = (earlier, seen) if backwards else (seen, earlier)
     weights = torch.ones(1, len(seen), dtype=torch.float64)
     matches = Matches(source_m=_tensor(source), destination_m=_tensor(destination), weights=weights)
-    rolling = ScanMotionModel(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=-GAP_S if backwards else GAP_S)
+    scan_motion = ScanMotionModel(scan_s=SCAN_S, doppler_beta_s=BETA_S, gap_s=-GAP_S if backwards else GAP_S)
     expected = np.linalg.inv(later) if backwards else later
     found, (part,) = solve_compensated(
-        [Part(matches=matches, stood_at=to_motion(IDENTITY, torch.float64))], rolling=rolling
+        [Part(matches=matches, pose=to_motion(IDENTITY, torch.float64))], scan_motion=scan_motion
     )
     moved = part.matches
     assert_allclose(
@@ -163,13 +163,13 @@ def test_a_keyframe_that_was_seen_at_another_velocity_is_put_right_by_its_own() 
             matches=Matches(
                 source_m=_tensor(seen["source"]), destination_m=_tensor(seen[name]), weights=weights
             ),
-            stood_at=pose,
+            pose=pose,
             twist=own,
         )
         for name, pose, own in (("key", to_motion(IDENTITY, torch.float64), twist), ("before", stood, None))
     ]
-    rolling = ScanMotionModel(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
-    found, _ = solve_compensated(parts, rolling=rolling)
+    scan_motion = ScanMotionModel(scan_s=SCAN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
+    found, _ = solve_compensated(parts, scan_motion=scan_motion)
     assert_allclose(found.translation_m[0], source[:2, 2], atol=1e-3)
     assert_allclose(found.rotation[0], source[:2, :2], atol=1e-4)
 
@@ -185,7 +185,7 @@ def test_parts_count_by_direction_in_the_frame_of_the_answer_and_by_weight() -> 
     ahead = torch.diag(torch.tensor([0.0, 1.0])).expand(1, 12, 2, 2)
     part = Part(
         matches=Matches(source_m=source, destination_m=slid, weights=torch.ones(1, 12), precision=ahead),
-        stood_at=to_motion(where),
+        pose=to_motion(where),
     )
     few = Matches(
         source_m=source[:, :3],
@@ -193,14 +193,14 @@ def test_parts_count_by_direction_in_the_frame_of_the_answer_and_by_weight() -> 
         weights=torch.ones(1, 3),
         precision=torch.eye(2).expand(1, 3, 2, 2),
     )
-    found, _ = solve_compensated([Part(matches=few, stood_at=to_motion(IDENTITY)), part], scale_m=0.5)
+    found, _ = solve_compensated([Part(matches=few, pose=to_motion(IDENTITY)), part], scale_m=0.5)
     assert_allclose(found.translation_m[0], [4.0, 1.0], atol=1e-3)
     assert_allclose(found.yaw_rad, 0.7, atol=1e-4)
     # Two parts at odds meet at their weights' mean.
     shifted = replace(few, destination_m=few.destination_m + torch.tensor([0.04, 0.0]))
     parts = [
-        Part(matches=few, stood_at=to_motion(IDENTITY), weight=3.0),
-        Part(matches=shifted, stood_at=to_motion(IDENTITY)),
+        Part(matches=few, pose=to_motion(IDENTITY), weight=3.0),
+        Part(matches=shifted, pose=to_motion(IDENTITY)),
     ]
     found, _ = solve_compensated(parts)
     assert_allclose(found.translation_m[0], [4.01, 1.0], atol=1e-3)
@@ -221,10 +221,10 @@ def test_points_taken_as_they_are_are_off_where_the_car_turns() -> None:
     assert float(off) > 0.01
 
 
-@pytest.mark.parametrize("wrong", [{"turn_s": 0.0}, {"gap_s": 0.0}, {"doppler_beta_s": math.nan}])
+@pytest.mark.parametrize("wrong", [{"scan_s": 0.0}, {"gap_s": 0.0}, {"doppler_beta_s": math.nan}])
 def test_scans_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(wrong))} must"):
-        ScanMotionModel(**{"turn_s": TURN_S, "doppler_beta_s": BETA_S, "gap_s": GAP_S, **wrong})
+        ScanMotionModel(**{"scan_s": SCAN_S, "doppler_beta_s": BETA_S, "gap_s": GAP_S, **wrong})
 
 
 def test_parts_of_one_destination_are_one_part() -> None:
@@ -235,16 +235,16 @@ def test_parts_of_one_destination_are_one_part() -> None:
     there = [away @ np.array([*spot, 1.0]) for spot in _spots()]
     later = _tensor(np.array([_seen(spot[:2], velocity) for spot in there]))
     weights = torch.linspace(0.5, 1.5, 12, dtype=torch.float64)[None]
-    rolling = ScanMotionModel(turn_s=TURN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
+    scan_motion = ScanMotionModel(scan_s=SCAN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
 
     def part(which: slice) -> Part:
         matches = Matches(
             source_m=later[:, which], destination_m=earlier[:, which], weights=weights[:, which]
         )
-        return Part(matches=matches, stood_at=to_motion(IDENTITY, torch.float64))
+        return Part(matches=matches, pose=to_motion(IDENTITY, torch.float64))
 
-    whole, _ = solve_compensated([part(slice(None))], rolling=rolling)
-    halves, seen = solve_compensated([part(slice(0, 6)), part(slice(6, None))], rolling=rolling)
+    whole, _ = solve_compensated([part(slice(None))], scan_motion=scan_motion)
+    halves, seen = solve_compensated([part(slice(0, 6)), part(slice(6, None))], scan_motion=scan_motion)
     assert_allclose(halves.translation_m, whole.translation_m, atol=1e-9)
     assert_allclose(halves.yaw_rad, whole.yaw_rad, atol=1e-9)
     assert_allclose(whole.translation_m[0], _pose(velocity, GAP_S)[:2, 2], atol=1e-4)

@@ -12,8 +12,8 @@ from torch.testing import assert_close
 from echoscape.learn.geometry.pose_refinement import motion_by_precision, turned_precision, weighed_squares
 from echoscape.learn.geometry.procrustes import motion_of_matches, robust_motion, rotation_of_yaw
 from echoscape.learn.geometry.se2 import to_motion, to_pose, transform
-from echoscape.learn.model.descriptors import unit
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
+from echoscape.learn.model.keypoint_model import unit
 from echoscape.learn.model.local_matching import Moments, Near, match_local
 from echoscape.learn.model.prior_removal import precision_of_pixels, remove_prior
 from echoscape.sim.datasets.se2 import SE2

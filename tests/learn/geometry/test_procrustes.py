@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose
 from torch import Tensor
 
 from echoscape.learn.geometry.procrustes import Motion, motion_of_matches, robust_motion, rotation_of_yaw
-from echoscape.learn.training.losses import pose_errors, pose_loss
+from echoscape.learn.model.keypoint_model import pose_loss
+from echoscape.learn.training.losses import pose_errors
 
 
 def _motion(yaw: float, shift: tuple[float, float]) -> Motion:
@@ -153,14 +154,14 @@ def test_shapes_that_do_not_fit_are_refused() -> None:
 def test_loss_is_the_sum_of_both_spectral_norms(first: float, second: float) -> None:
     one, other = _motion(first, (3.0, 4.0)), _motion(second, (0.0, 0.0))
     difference = (one.rotation @ other.rotation.transpose(1, 2))[0].numpy() - np.eye(2)
-    assert_allclose(pose_loss(one, other), 5 + 10 * np.linalg.norm(difference, 2), atol=1e-9)
+    assert_allclose(pose_loss(one, other, alpha_m=10.0), 5 + 10 * np.linalg.norm(difference, 2), atol=1e-9)
     assert_allclose(np.linalg.norm(difference, 2), 2 * abs(math.sin((first - second) / 2)), atol=1e-9)
 
 
 def test_loss_has_no_gradient_at_the_truth_and_no_nan() -> None:
     yaw = torch.tensor([0.3], requires_grad=True)
     at = Motion(rotation=rotation_of_yaw(yaw), translation_m=yaw.new_zeros(1, 2), certain=torch.ones(1) > 0)
-    (slope,) = torch.autograd.grad(pose_loss(at, at).sum(), yaw)
+    (slope,) = torch.autograd.grad(pose_loss(at, at, alpha_m=10.0).sum(), yaw)
     assert bool(slope.isfinite())
 
 

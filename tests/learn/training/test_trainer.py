@@ -16,8 +16,9 @@ from echoscape.learn.data.augmentation import AugmentationConfig
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.data.scan_pairs import PairDataset
 from echoscape.learn.geometry.procrustes import Motion
-from echoscape.learn.model.keypoint_model import Matching, ModelSettings
-from echoscape.learn.model.weights import read_weights
+from echoscape.learn.model.fast_keypoint_model import Matching
+from echoscape.learn.model.model_settings import ModelSettings
+from echoscape.learn.model.weights import load_weights
 from echoscape.learn.training.checkpoint import initial_model
 from echoscape.learn.training.config import TrainingConfig
 from echoscape.learn.training.logger import TrainingLog
@@ -63,7 +64,7 @@ def test_a_resumed_run_gives_the_same_bytes(data: TrainingData, tmp_path: Path) 
 
 def test_weights_carry_their_settings_and_their_training(data: TrainingData, tmp_path: Path) -> None:
     model = train(tmp_path / "run", MODEL, SHORT, data)
-    read, record = read_weights(tmp_path / "run" / "last.safetensors")
+    read, record = load_weights(tmp_path / "run" / "last.safetensors")
     assert read.settings == MODEL
     assert record["step"] == 5
     assert record["learning_rate"] == 1e-3
@@ -74,9 +75,9 @@ def test_weights_carry_their_settings_and_their_training(data: TrainingData, tmp
 def test_damaged_weights_are_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "bad.safetensors").write_bytes(b"no weights at all")
     with pytest.raises(DatasetError, match=r"bad\.safetensors: is no model"):
-        read_weights(tmp_path / "bad.safetensors")
+        load_weights(tmp_path / "bad.safetensors")
     with pytest.raises(DatasetError, match=r"absent\.safetensors"):
-        read_weights(tmp_path / "absent.safetensors")
+        load_weights(tmp_path / "absent.safetensors")
 
 
 def test_a_folder_in_use_or_other_settings_are_refused(data: TrainingData, tmp_path: Path) -> None:
@@ -114,7 +115,7 @@ def test_training_starts_from_weights_of_another_resolution(
     )
     for before, after in zip(first.parameters(), second.parameters(), strict=True):
         assert torch.equal(before, after)
-    _, record = read_weights(tmp_path / "fine" / "last.safetensors")
+    _, record = load_weights(tmp_path / "fine" / "last.safetensors")
     assert (record["init_weights"]["step"], record["init_weights"]["image"]["pixel_m"]) == (5, 1.3824)
     assert record["data"] == ["drive"]
     headless = ModelSettings(image=fine.image, score_head=False)
@@ -194,7 +195,7 @@ def test_a_run_on_a_gpu_is_resumed_there_and_on_the_cpu(data: TrainingData, tmp_
     train(tmp_path / "cpu", MODEL, config, data, resume=True, device="cuda")
     train(tmp_path / "cuda", MODEL, config, data, resume=True, device="cpu")
     for device in ("cuda", "cpu"):
-        model, record = read_weights(tmp_path / device / "last.safetensors")
+        model, record = load_weights(tmp_path / device / "last.safetensors")
         assert record["step"] == config.steps
         assert all(bool(each.isfinite().all()) for each in model.parameters())
 
@@ -244,7 +245,7 @@ def test_a_run_of_a_version_with_fewer_settings_is_resumed(data: TrainingData, t
     del held["settings"]["training"]["compensate"]
     torch.save(held, tmp_path / "run" / "checkpoint.pt")
     train(tmp_path / "run", MODEL, SHORT, data, resume=True)
-    assert read_weights(tmp_path / "run" / "last.safetensors")[1]["step"] == 5
+    assert load_weights(tmp_path / "run" / "last.safetensors")[1]["step"] == 5
 
 
 def test_gradients_are_clipped_and_the_rate_falls(data: TrainingData, tmp_path: Path) -> None:
@@ -301,7 +302,7 @@ def test_the_command_passes_the_model_its_settings(folder: Path, tmp_path: Path)
     ]
     few = ["--steps", "1", "--resolution", "1.3824"]
     assert main(["--data", str(folder), "--out", str(tmp_path / "run"), *options, *few]) == 0
-    settings = read_weights(tmp_path / "run" / "last.safetensors")[0].settings
+    settings = load_weights(tmp_path / "run" / "last.safetensors")[0].settings
     image = ImageSettings(pixel_m=1.3824, size=80, near_m=4.0)
     assert settings == ModelSettings(image=image, temperature=55.0, location_head=False, score_head=False)
 
