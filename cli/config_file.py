@@ -71,10 +71,10 @@ def _words(options: Mapping[str, Any], table: Table, prefix: str) -> list[str]:
     for key, value in table.items():
         name = key.replace("_", "-")
         if name in content:
-            raise table.fault(f"{name} is given twice, with hyphens and with underscores")
+            raise table.error(f"{name} is given twice, with hyphens and with underscores")
         content[name] = value
     table = Table(content, table.place)
-    table.expect(tuple(options))
+    table.allow_only(tuple(options))
     words: list[str] = []
     for name, value in content.items():
         if isinstance(options[name], dict):
@@ -95,7 +95,7 @@ def _option_words(option: str, kind: Any, value: Any, key: str, table: Table) ->
     words = [_text(item, item_kind, key, table) for item, item_kind in _items(value, kind, key, table)]
     for word in words:
         if word.startswith("--"):
-            raise table.fault(f"{key} must not hold a text that begins with --, got {word!r}")
+            raise table.error(f"{key} must not hold a text that begins with --, got {word!r}")
     return [option, *words]
 
 
@@ -103,11 +103,11 @@ def _items(value: Any, kind: Any, key: str, table: Table) -> list[tuple[Any, Any
     """Return the entries of an array with the type of each, nested arrays in one list."""
     kinds = get_args(kind)
     if not isinstance(value, list):
-        raise table.fault(f"{key} must be an array, got {value!r}")
+        raise table.error(f"{key} must be an array, got {value!r}")
     if len(kinds) == 2 and kinds[1] is Ellipsis:
         kinds = (kinds[0],) * len(value)
     if len(value) != len(kinds):
-        raise table.fault(f"{key} must be an array of {len(kinds)}, got {value!r}")
+        raise table.error(f"{key} must be an array of {len(kinds)}, got {value!r}")
     found: list[tuple[Any, Any]] = []
     for item, item_kind in zip(value, kinds, strict=True):
         nested = get_origin(item_kind) is tuple
@@ -128,11 +128,11 @@ def _check(value: Any, kind: Any, key: str, table: Table) -> None:
     if get_origin(kind) is Literal:
         choices = get_args(kind)
         if not any(value == choice and type(value) is type(choice) for choice in choices):
-            raise table.fault(f"{key} must be one of {', '.join(map(str, choices))}, got {value!r}")
+            raise table.error(f"{key} must be one of {', '.join(map(str, choices))}, got {value!r}")
         return
     name, allowed = _KINDS[kind]
     if type(value) not in allowed or value == "":
-        raise table.fault(f"{key} must be {name}, got {value!r}")
+        raise table.error(f"{key} must be {name}, got {value!r}")
 
 
 _KINDS: Mapping[Any, tuple[str, tuple[type, ...]]] = {

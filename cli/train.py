@@ -55,8 +55,8 @@ class Options:
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where to train; auto takes a GPU where PyTorch finds one."""
     threads: int | None = None
-    """Threads on the CPU. By default OMP_NUM_THREADS; else the number of the run to --resume; else the
-    physical cores less the load of the last minute. Another number changes the last digits of the weights."""
+    """Threads on the CPU. By default as many as the run to --resume had; else OMP_NUM_THREADS; else the physical
+    cores less the load of the last minute. Another number changes the last digits of the weights."""
     resume: bool = False
     """Continue the run in OUT."""
     config: Path | None = None
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _train(options: Options) -> int:
-    from echoscape.learn.model.keypoint_model import ModelSettings
+    from echoscape.learn.model.model_settings import ModelSettings
     from echoscape.learn.training.trainer import train
     from echoscape.sim.numerics.malloc import keep_freed_memory
 
