@@ -25,12 +25,12 @@ def test_samples_are_the_converters_steps() -> None:
     assert np.abs(beat.samples).max() == pytest.approx(204.8, abs=6 * 18)  # the noise has some 18 steps
 
 
-def test_clipped_rows_end_at_full_scale() -> None:
+def test_clipped_azimuths_end_at_full_scale() -> None:
     beat = kept(*tones(30.0, 100 * full_scale_w()), Artefacts())
     assert_array_equal(np.abs(beat.samples.astype(int)).max(axis=1), 2**11)
 
 
-def test_strong_echo_without_clipping_doubles_the_scale_of_its_rows_until_it_fits() -> None:
+def test_strong_echo_without_clipping_doubles_the_scale_of_its_azimuths_until_it_fits() -> None:
     range_m, amplitude = tones(30.0, 0.01 * full_scale_w())
     amplitude[3] *= 10 * 100  # a hundred times full scale: 204800 steps, of which 16 bits hold an eighth
     beat = kept(range_m, amplitude, replace(QUIET, quantisation=True))

@@ -70,7 +70,7 @@ def test_folder_is_recognised_and_read_as_it_was_written(tmp_path: Path, layout:
 
 
 @pytest.mark.parametrize(("layout", "sensor"), KNOWN)
-def test_loose_pictures_are_recognised_by_their_width_and_their_clock(
+def test_loose_images_are_recognised_by_their_width_and_their_clock(
     tmp_path: Path, layout: str, sensor: Sensor
 ) -> None:
     for number, path in enumerate(put(tmp_path / "made", layout, sensor, START_US, START_US + 250_000)):
@@ -87,7 +87,7 @@ def test_boreas_before_its_update_has_larger_bins(tmp_path: Path) -> None:
     assert open_folder(tmp_path).sensor.bin_m == 0.0596
 
 
-def test_wide_pictures_whose_sweeps_do_not_alternate_are_told(tmp_path: Path) -> None:
+def test_wide_images_whose_sweeps_do_not_alternate_are_recognised(tmp_path: Path) -> None:
     put(tmp_path, "boreas", replace(CIR304_RT, chirps="rising"))
     found = open_folder(tmp_path)
     assert found.sensor.chirps == "rising"
@@ -116,7 +116,7 @@ def test_layout_and_sensor_can_be_forced(tmp_path: Path) -> None:
         open_folder(tmp_path, layout="moon")
 
 
-def test_oxford_odometry_is_chained_and_gaps_are_told(tmp_path: Path) -> None:
+def test_oxford_odometry_is_chained_and_gaps_are_nan(tmp_path: Path) -> None:
     starts = [START_US + 250_000 * i for i in range(4)]
     put(tmp_path, "oxford", CTS350X, *starts)
     (tmp_path / "gt").mkdir()
@@ -150,14 +150,14 @@ def test_oxford_odometry_is_chained_and_gaps_are_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("layout", "sensor"), KNOWN)
-def test_cut_picture_is_refused_by_name(tmp_path: Path, layout: str, sensor: Sensor) -> None:
+def test_cut_image_is_refused_by_name(tmp_path: Path, layout: str, sensor: Sensor) -> None:
     paths = put(tmp_path, layout, sensor, START_US, START_US + 250_000)
     paths[1].write_bytes(paths[1].read_bytes()[:5000])
     with pytest.raises(DatasetError, match=rf"{paths[1].name}: not a complete PNG"):
         open_folder(tmp_path).read(1)
 
 
-def test_picture_of_another_width_than_the_first_is_refused_by_name(tmp_path: Path) -> None:
+def test_image_of_another_width_than_the_first_is_refused_by_name(tmp_path: Path) -> None:
     paths = put(tmp_path, "oxford", CTS350X, START_US, START_US + 250_000)
     Image.new("L", (3000, 400)).save(paths[1])
     with pytest.raises(

@@ -66,7 +66,7 @@ def test_folder_holds_what_is_promised(made: Path) -> None:
     assert set(_bytes(made)) == names
 
 
-def test_scan_is_named_after_its_first_row_and_odometry_after_its_middle(made: Path) -> None:
+def test_scan_is_named_after_its_first_azimuth_and_odometry_after_its_middle(made: Path) -> None:
     stamps = read_timestamps(made / "radar.timestamps")
     rows = read_odometry(made / "gt" / "radar_odometry.csv")
     assert [(row.source_radar_us, row.destination_radar_us) for row in rows] == list(
@@ -197,9 +197,9 @@ def test_worker_that_dies_ends_the_run(tmp_path: Path) -> None:
 
     with pytest.raises(
         WorkerError, match=r"worker \d died while (starting|making scan \d) \(signal SIGKILL\)"
-    ) as told:
+    ) as found:
         write_dataset(tmp_path, CONFIG, workers=2, progress=kill_one)
-    assert str(told.value).startswith(killed[0])
+    assert str(found.value).startswith(killed[0])
     assert multiprocessing.active_children() == []
     assert not list(tmp_path.rglob("*.part"))
 
@@ -249,7 +249,7 @@ def test_fewer_than_one_worker_or_thread_is_refused(
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
-def test_senseless_traffic_is_refused_by_name(value: float) -> None:
+def test_invalid_traffic_is_refused_by_name(value: float) -> None:
     with pytest.raises(ValueError, match="vehicles_per_km2 must be between 0 and 1000"):
         SimulationConfig(traffic=TrafficSettings(vehicles_per_km2=value))
 
@@ -325,7 +325,7 @@ def test_resume_makes_again_what_was_cut_short_of_the_scenery(
     _assert_same_bytes(out, made)
 
 
-def test_resume_makes_a_scan_again_whose_picture_is_damaged(made: Path, tmp_path: Path) -> None:
+def test_resume_makes_a_scan_again_whose_image_is_damaged(made: Path, tmp_path: Path) -> None:
     out = Path(shutil.copytree(made, tmp_path / "set"))
     damaged, *others = sorted((out / "radar").iterdir())
     data = bytearray(damaged.read_bytes())

@@ -85,7 +85,7 @@ def test_a_changed_mesh_or_description_is_not_resumed(made: Path, tmp_path: Path
 def test_a_mesh_that_is_found_broken_leaves_nothing(tmp_path: Path) -> None:
     path = user_scene_file(tmp_path / "files")
     (path.parent / "wall.obj").write_text(WALL + "f 1 2 77\n")
-    with pytest.raises(SceneError, match="a face names vertex 77"):
+    with pytest.raises(SceneError, match="a face refers to vertex 77"):
         write_dataset(tmp_path / "set", _config(path))
     assert not (tmp_path / "set").exists()
 
@@ -98,7 +98,7 @@ def test_scans_beyond_the_drive_are_refused_and_the_most_is_named(tmp_path: Path
     build_scene(_config(path, scans=5), whole_drive=True)
 
 
-def test_a_drive_through_a_wall_is_told_with_its_name_time_and_place(tmp_path: Path) -> None:
+def test_a_drive_through_a_wall_is_refused_with_its_name_time_and_place(tmp_path: Path) -> None:
     path = user_scene_file(tmp_path, SCENE.replace("[12, 0]", "[32, 0]"))
     with pytest.raises(
         SceneError, match=r"passes through object 'wall' 1\.8 s after its start, at x 17\.\d m"
@@ -134,7 +134,7 @@ def test_targets_stand_as_seen_from_the_start_of_a_preset_drive() -> None:
     assert len(setup.scene.instance_class) == placed.instance + 1
 
 
-def test_a_target_on_the_way_is_told() -> None:
+def test_a_target_in_the_path_is_refused() -> None:
     config = SimulationConfig(preset="empty", seed=3, scans=40, targets=(BESIDE, AHEAD))
     with pytest.raises(SceneError, match=r"passes through target 2 \(wall\) \d\.\d s after its start"):
         build_scene(config)
@@ -143,8 +143,8 @@ def test_a_target_on_the_way_is_told() -> None:
 def test_targets_are_part_of_the_configuration_and_movers_come_after_them(tmp_path: Path) -> None:
     config = SimulationConfig(preset="empty", seed=3, scans=1, trace=FEW, targets=(BESIDE,))
     write_dataset(tmp_path / "set", config)
-    told = json.loads((tmp_path / "set" / "echoscape.json").read_text())["config"]["targets"]
-    assert told[0]["target"]["position_m"] == [12.0, 7.0, 1.5]
+    found = json.loads((tmp_path / "set" / "echoscape.json").read_text())["config"]["targets"]
+    assert found[0]["target"]["position_m"] == [12.0, 7.0, 1.5]
     movers = (tmp_path / "set" / "movers.csv").read_text().splitlines()[1:]
     instance = build_scene(config).scene.targets[0].instance
     assert all(int(row.split(",")[0]) > instance for row in movers)

@@ -42,7 +42,7 @@ def kept(range_m: NDArray, amplitude: NDArray, artefacts: Artefacts) -> BeatSign
 
 
 def tones(range_m: float, power_w: float) -> tuple[NDArray, NDArray]:
-    """An echo of `power_w` at the same range in every row."""
+    """An echo of `power_w` at the same range at every azimuth."""
     shape = (SENSOR.azimuths, 1)
     return np.full(shape, range_m), np.full(shape, math.sqrt(power_w) + 0j)
 

@@ -101,6 +101,6 @@ def test_signal_of_another_sensor_is_refused() -> None:
             process(beat, SENSOR)
 
 
-def test_no_rows_give_no_codes() -> None:
+def test_no_azimuths_give_no_codes() -> None:
     none = BeatSignal(samples=np.zeros((0, SENSOR.samples), np.int16), scale=np.zeros(0, np.float32))
     assert codes_of_beat(none, SENSOR).shape == (0, SENSOR.bins)

@@ -21,7 +21,7 @@ QUIET = Artefacts(thermal_noise=False, leakage=False, phase_noise=False, saturat
 def received(
     range_m: list[float], power_w: list[float], artefacts: Artefacts, sensor=SMALL, seed: int = 0
 ) -> Received:
-    """What the receiver makes of echoes that are the same in every row."""
+    """What the receiver makes of echoes that are the same at every azimuth."""
     rows = np.repeat(np.arange(sensor.azimuths), len(range_m))
     amplitude = np.sqrt(np.tile(power_w, sensor.azimuths))
     echoes = point_echoes(

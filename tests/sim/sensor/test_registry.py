@@ -34,7 +34,7 @@ def test_sizes_and_point_spreads_are_those_of_real_scans(
 
 
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=str)
-def test_a_sweep_fits_into_its_row(sensor: Sensor) -> None:
+def test_a_sweep_fits_into_its_azimuth(sensor: Sensor) -> None:
     assert 0.25 * sensor.azimuth_period_s < sensor.sweep_s < sensor.azimuth_period_s
 
 
@@ -108,15 +108,15 @@ def test_description_without_a_base_that_lacks_a_field_is_refused_by_its_name(tm
         ("leakage_dbm = [[1, 2, 3]]", "leakage_dbm must be a list of"),
         ("leakage_dbm = [[1, 'x'], [2, 3]]", "leakage_dbm must be a number, got 'x'"),
         ("leakage_dbm = [[2, 1], [1, 1]]", "leakage_dbm must have increasing"),
-        ("bins = ", "no TOML"),
+        ("bins = ", "not valid TOML"),
     ],
 )
-def test_senseless_file_is_refused_by_its_name_and_the_field(tmp_path: Path, line: str, message: str) -> None:
+def test_invalid_file_is_refused_by_its_name_and_the_field(tmp_path: Path, line: str, message: str) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(f'base = "cir204"\n{line}\n')
-    with pytest.raises(ValueError, match=rf"bad\.toml: {message}".replace("[", r"\[")) as told:
+    with pytest.raises(ValueError, match=rf"bad\.toml: {message}".replace("[", r"\[")) as found:
         read_sensor(path)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(found.value)
 
 
 @pytest.mark.parametrize("base", ['"moon"', "3"])
@@ -131,18 +131,18 @@ def test_absent_file_and_binary_file_are_refused_by_name(tmp_path: Path) -> None
     with pytest.raises(ValueError, match=r"nowhere\.toml: cannot be read"):
         read_sensor(tmp_path / "nowhere.toml")
     (tmp_path / "noise.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ValueError, match=r"noise\.toml: no TOML"):
+    with pytest.raises(ValueError, match=r"noise\.toml: not valid TOML"):
         read_sensor(tmp_path / "noise.toml")
 
 
 def test_page_on_sensors_has_every_field_and_every_number() -> None:
     rows = [line.split("|")[1:-1] for line in DOC.read_text().splitlines() if line.startswith("| `")]
-    told = {cells[0].strip().strip("`"): [cell.strip() for cell in cells[1:]] for cells in rows}
+    found = {cells[0].strip().strip("`"): [cell.strip() for cell in cells[1:]] for cells in rows}
     for each in fields(Sensor):
-        assert each.name in told
+        assert each.name in found
         values = [getattr(sensor, each.name) for sensor in SENSORS.values()]
         if isinstance(values[0], (int, float)):
-            assert [float(cell) for cell in told[each.name][2:6]] == values, each.name
+            assert [float(cell) for cell in found[each.name][2:6]] == values, each.name
 
 
 def test_example_of_the_page_is_a_sensor(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ EXPLICIT = Artefacts(
 
 
 def tones(range_m: list[float], power_w: list[float], sensor=SMALL) -> Echoes:
-    """The same echoes in every row."""
+    """The same echoes at every azimuth."""
     return point_echoes(
         azimuth=np.repeat(np.arange(sensor.azimuths), len(range_m)),
         range_m=np.tile(range_m, sensor.azimuths),
@@ -234,7 +234,7 @@ def test_movers_that_are_there_at_a_share_are_there_at_every_larger_one() -> Non
     assert all(fewer <= more for fewer, more in pairwise(there))
 
 
-def test_half_the_motion_distortion_spreads_the_rows_over_half_the_way() -> None:
+def test_half_the_motion_distortion_spreads_the_azimuths_over_half_the_path() -> None:
     revolution = Revolution(start_s=2.0, azimuth_period_s=0.001, azimuths=401)
     track = straight([0.0, 0.0], [10.0, 0.0]).trajectory
     for share in (0.0, 0.25, 0.5, 1.0):
@@ -254,7 +254,7 @@ def rough(echoes: Echoes) -> Echoes:
     return replace(echoes, returns=returns)
 
 
-def test_without_speckle_a_dense_row_has_its_mean_power() -> None:
+def test_without_speckle_a_dense_azimuth_has_its_mean_power() -> None:
     rng = np.random.default_rng(0)
     count, power_w = 40_000, 1.0  # 17 echoes a bin
     echoes = rough(
@@ -343,7 +343,7 @@ def test_draws_of_noise_stay_whatever_else_is_off() -> None:
         assert np.any(without.codes != plain.codes), name
 
 
-def test_ghosts_leave_the_cells_of_other_rows_alone() -> None:
+def test_ghosts_leave_the_cells_of_other_azimuths_alone() -> None:
     clean = {name: False for name in RECEIVER}
     with_ghosts, without = scanned(**clean), scanned(**clean, ghosts=False)
     assert with_ghosts.truth is not None

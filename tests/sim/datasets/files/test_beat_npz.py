@@ -1,4 +1,4 @@
-"""Beat files: there and back, the same bytes, plain names, and how damage is told."""
+"""Beat files: there and back, the same bytes, plain names, and errors for damage."""
 
 from dataclasses import replace
 from pathlib import Path

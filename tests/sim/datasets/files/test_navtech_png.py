@@ -13,15 +13,15 @@ from tests.sim.scans import START_US, drawn_scan
 
 
 @pytest.fixture(scope="module")
-def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def png(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("radar") / f"{START_US}.png"
     write_png(path, drawn_scan())
     return path
 
 
-def test_picture_has_time_encoder_validity_and_codes_in_their_columns(picture: Path) -> None:
+def test_image_has_time_encoder_validity_and_codes_in_their_columns(png: Path) -> None:
     scan = drawn_scan()
-    with Image.open(picture) as image:
+    with Image.open(png) as image:
         assert (image.mode, image.size) == ("L", (11 + 3768, 400))
         pixels = np.asarray(image)
     second = [int.from_bytes(bytes(pixels[row, :8]), "little") for row in range(400)]
@@ -31,24 +31,24 @@ def test_picture_has_time_encoder_validity_and_codes_in_their_columns(picture: P
     assert_array_equal(pixels[:, 11:], scan.codes)
 
 
-def test_scan_is_read_as_it_was_written(picture: Path) -> None:
-    written, read = drawn_scan(), read_png(picture)
+def test_scan_is_read_as_it_was_written(png: Path) -> None:
+    written, read = drawn_scan(), read_png(png)
     for name in ("codes", "timestamp_us", "encoder", "valid"):
         assert_array_equal(getattr(read, name), getattr(written, name))
         assert getattr(read, name).dtype == getattr(written, name).dtype
     assert read.bin_m == written.bin_m
 
 
-def test_same_scan_gives_same_bytes(picture: Path, tmp_path: Path) -> None:
+def test_same_scan_gives_same_bytes(png: Path, tmp_path: Path) -> None:
     write_png(tmp_path / "again.png", drawn_scan())
-    assert (tmp_path / "again.png").read_bytes() == picture.read_bytes()
+    assert (tmp_path / "again.png").read_bytes() == png.read_bytes()
     assert [path.name for path in tmp_path.iterdir()] == ["again.png"]
 
 
 @pytest.mark.parametrize("kept", [0, 7, 100, 5000, -2000])
-def test_cut_picture_is_refused_by_name(picture: Path, tmp_path: Path, kept: int) -> None:
+def test_cut_image_is_refused_by_name(png: Path, tmp_path: Path, kept: int) -> None:
     cut = tmp_path / "cut.png"
-    cut.write_bytes(picture.read_bytes()[:kept])
+    cut.write_bytes(png.read_bytes()[:kept])
     with pytest.raises(DatasetError, match=r"cut\.png: not a complete PNG"):
         read_png(cut)
 
@@ -62,7 +62,7 @@ def test_cut_picture_is_refused_by_name(picture: Path, tmp_path: Path, kept: int
         ("I;16", (3779, 400), "mode I;16"),
     ],
 )
-def test_other_pictures_are_refused_by_name(
+def test_other_images_are_refused_by_name(
     tmp_path: Path, mode: str, size: tuple[int, int], message: str
 ) -> None:
     path = tmp_path / "other.png"
@@ -71,6 +71,6 @@ def test_other_pictures_are_refused_by_name(
         read_png(path)
 
 
-def test_absent_picture_is_refused_by_name(tmp_path: Path) -> None:
+def test_absent_image_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r"nowhere\.png: no such scan"):
         read_png(tmp_path / "nowhere.png")

@@ -1,4 +1,4 @@
-"""Truth files: there and back, the same bytes, plain names, and how damage is told."""
+"""Truth files: there and back, the same bytes, plain names, and errors for damage."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The Boreas layout: names that are the middle row's time, the radar's poses with z down, sweep direction."""
+"""The Boreas layout: names by the middle azimuth, poses of the radar with z down, direction of sweeps."""
 
 import math
 from dataclasses import replace
@@ -40,7 +40,7 @@ def written(folder: Path, yaw: float = 0.5) -> list[list[str]]:
     return [line.split(",") for line in (folder / "applanix" / "radar_poses.csv").read_text().splitlines()]
 
 
-def test_scan_is_named_after_its_row_199() -> None:
+def test_scan_is_named_after_its_azimuth_199() -> None:
     assert BOREAS.stem(ROW_US) == STEM == str(START_US + 199 * 625)
 
 
@@ -113,7 +113,7 @@ def test_real_heading_with_its_lean_gives_the_yaw_of_the_radars_nose(tmp_path: P
         (f"{POSES_HEADER}\n1,2,3,4,5,6,7,8,9,10,11,12,x\n", "line 2 is not a row of 13"),
     ],
 )
-def test_senseless_poses_are_refused_by_name(tmp_path: Path, text: str, message: str) -> None:
+def test_invalid_poses_are_refused_by_name(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "radar_poses.csv"
     path.write_text(text)
     with pytest.raises(DatasetError, match=rf"radar_poses\.csv: {message}"):
@@ -123,7 +123,7 @@ def test_senseless_poses_are_refused_by_name(tmp_path: Path, text: str, message:
 @pytest.mark.parametrize(
     "text", ["", "a,b\n", f"{TRACK_COLUMNS}\n1,7,0,0,0,0,0,0,0\n", f"{TRACK_COLUMNS}\n1,0,0,0,0,0,x,0,0\n"]
 )
-def test_senseless_tracks_are_refused_by_name(tmp_path: Path, text: str) -> None:
+def test_invalid_tracks_are_refused_by_name(tmp_path: Path, text: str) -> None:
     path = tmp_path / "tracks.csv"
     path.write_text(text)
     with pytest.raises(DatasetError, match=r"tracks\.csv: "):

@@ -33,12 +33,12 @@ def record(index: int, middle: list[float], last: list[float]) -> ScanRecord:
     )
 
 
-def test_scan_is_named_after_the_nanosecond_of_its_last_row() -> None:
+def test_scan_is_named_after_the_nanosecond_of_its_last_azimuth() -> None:
     assert MULRAN.stem(ROW_US) == "1700000000249375000"
     assert MULRAN.time_us("1700000000249375000") == START_US + LAST_US
 
 
-def test_picture_counts_nanoseconds_and_begins_with_encoder_7(tmp_path: Path) -> None:
+def test_image_counts_nanoseconds_and_begins_with_encoder_7(tmp_path: Path) -> None:
     scan = drawn_scan(sensor=CIR204)
     MULRAN.write_scan(tmp_path / "scan.png", scan)
     with Image.open(tmp_path / "scan.png") as image:
@@ -125,7 +125,7 @@ GOOD = "1,1,0,0,0,0,1,0,0,0,0,1,0"
         ("9" * 30 + GOOD[1:], "no time"),
     ],
 )
-def test_senseless_poses_are_refused_by_name(tmp_path: Path, text: str, message: str) -> None:
+def test_invalid_poses_are_refused_by_name(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "global_pose.csv"
     path.write_text(text)
     with pytest.raises(DatasetError, match=rf"global_pose\.csv: .*{message}"):

@@ -30,7 +30,7 @@ def test_time_stamps_are_one_a_line_and_valid(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", ["", "12", "12 1 1", "noon 1"])
-def test_senseless_time_stamps_are_refused_by_name_and_line(tmp_path: Path, line: str) -> None:
+def test_invalid_time_stamps_are_refused_by_name_and_line(tmp_path: Path, line: str) -> None:
     path = tmp_path / "radar.timestamps"
     path.write_text(f"12 1\n{line}\n")
     with pytest.raises(DatasetError, match=r"radar\.timestamps: line 2"):
@@ -64,7 +64,7 @@ ROW = OdometryRow(
 
 
 @pytest.mark.parametrize("line", ["1,2,3", "374,124,x,0,0,0,0,0,250,0", "1.5,1,0,0,0,0,0,0,1,2", ",,,,,,,,,"])
-def test_senseless_odometry_is_refused_by_name_and_line(tmp_path: Path, line: str) -> None:
+def test_invalid_odometry_is_refused_by_name_and_line(tmp_path: Path, line: str) -> None:
     path = tmp_path / "radar_odometry.csv"
     path.write_text(",".join(ODOMETRY_HEADER) + f"\n{line}\n")
     with pytest.raises(DatasetError, match=r"radar_odometry\.csv: line 2"):

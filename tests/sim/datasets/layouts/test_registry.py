@@ -87,7 +87,7 @@ def test_resuming_a_whole_dataset_changes_nothing(made: tuple[ScanFolder, Simula
 
 
 @pytest.mark.slow
-def test_lost_picture_is_made_again_alike(made: tuple[ScanFolder, SimulationConfig, str]) -> None:
+def test_lost_image_is_made_again_alike(made: tuple[ScanFolder, SimulationConfig, str]) -> None:
     found, config, _ = made
     before = found.paths[1].read_bytes()
     found.paths[1].unlink()
