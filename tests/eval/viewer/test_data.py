@@ -133,6 +133,27 @@ def test_row_marks_are_those_of_the_truth(tmp_path: Path) -> None:
     assert shown.obstacle_m == [12.0] * 100 + [None] * 300
 
 
+def test_legends_list_what_occurs_in_the_scans_shown(tmp_path: Path) -> None:
+    view = view_of(write_set(tmp_path / "set", scans=2))
+    assert [name for name, _ in view.component_legend] == ["direct", "noise"]
+    assert [name for name, _ in view.class_legend] == ["vehicle"]
+    dark = view_of(write_set(tmp_path / "real", simulated=False))
+    assert dark.component_legend == dark.class_legend == []
+
+
+def test_boxes_stay_at_mid_scan_without_motion_distortion(tmp_path: Path) -> None:
+    folder = write_set(tmp_path / "set", scans=1)
+    scan = made_scan(0)
+    assert scan.truth is not None
+    boxes = replace(scan.truth.boxes, velocity=np.array([[0, 8.0, 0]]))
+    write_truth(folder / "truth" / f"{START_US}.npz", replace(scan.truth, boxes=boxes))
+    manifest = json.loads((folder / "echoscape.json").read_text())
+    manifest["config"]["artefacts"] = {"motion_distortion": 0.0}
+    (folder / "echoscape.json").write_text(json.dumps(manifest))
+    (box,) = view_of(folder).scans[0].boxes
+    assert (box.forward_m, box.right_m) == pytest.approx((BOX_FORWARD_M, BOX_RIGHT_M), abs=0.01)
+
+
 def test_every_and_scans_choose(tmp_path: Path) -> None:
     folder = write_set(tmp_path / "set", scans=7)
     assert _numbers(view_of(folder, every=3)) == [0, 3, 6]

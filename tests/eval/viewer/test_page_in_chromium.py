@@ -158,6 +158,14 @@ def test_overlays_colour_what_truth_names_and_nothing_else(page: Chromium) -> No
     assert _colour(page, *BLOCK) == seen["bounces"]
 
 
+def test_legend_lists_what_occurs_and_says_what_a_ghost_is(page: Chromium) -> None:
+    page.click_on("input[name=overlay][value=component]")
+    assert _text(page, "legend") == "direct"
+    assert "more than one bounce" in _text(page, "legend-note")
+    page.click_on("input[name=overlay][value=class]")
+    assert (_text(page, "legend"), _text(page, "legend-note")) == ("vehicle", "")
+
+
 def test_opacity_fades_the_overlay(page: Chromium) -> None:
     plain = _colour(page, *BLOCK)
     page.click_on("input[name=overlay][value=moving]")
