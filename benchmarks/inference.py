@@ -1,10 +1,10 @@
-"""Seconds of a trained model's work: a scan's picture, its features, and the motion of a pair.
+"""Seconds of a trained model's work: a scan's image, its features, and the motion of a pair.
 
     python -m benchmarks.inference [--sizes 320 640] [--threads 2] [--repeats 5] [--data FOLDER]
 
-A pair alone costs a scan's features and a search in the scan before; of drawn numbers, by drawn weights. A
-scan that is followed costs two searches near where its keypoints are expected, and every few scans a new
-keyframe's features: with a folder its first 32 scans are followed by the weights that come along besides.
+A pair by itself costs a scan's features and a global search; of random numbers, with random weights. A scan
+of a drive costs two local searches, and every few scans the features of a new keyframe: with a folder its
+first 32 scans are followed with the bundled weights as well.
 """
 
 import argparse
@@ -19,52 +19,61 @@ from benchmarks.training_step import medians
 from echoscape.eval.odometry.learned import learned_odometry, shipped_weights
 from echoscape.learn.data.image import Projector, range_cells
 from echoscape.learn.data.image_settings import ImageSettings
+from echoscape.learn.model.keypoint_model import KeypointModel
 from echoscape.learn.model.model_settings import ModelSettings
-from echoscape.learn.model.softmax_matching import expected_matches
-from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, quick_solving
+from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, quick_config
 from echoscape.learn.training.checkpoint import initial_model
+from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import open_folder
 from echoscape.sim.numerics.malloc import keep_freed_memory
 from echoscape.sim.sensor.cts350x import CTS350X
 
 
-def measure(label: str, size: int, solving: MatcherConfig, repeats: int) -> None:
+def _scan(codes: np.ndarray, bin_m: float) -> PolarScan:
+    azimuths = len(codes)
+    return PolarScan(
+        codes=codes,
+        timestamp_us=np.arange(azimuths, dtype=np.int64),
+        encoder=np.arange(azimuths, dtype=np.uint16),
+        valid=np.ones(azimuths, bool),
+        bin_m=bin_m,
+    )
+
+
+def measure(label: str, size: int, config: MatcherConfig, repeats: int) -> None:
     """Print what each part takes at one size."""
     image = ImageSettings(size=size, pixel_m=0.6912 * 320 / size)
-    estimator = ScanMatcher(initial_model(ModelSettings(image=image), seed=1), solving)
+    matcher = ScanMatcher(initial_model(ModelSettings(image=image), seed=1), config)
     shape = (CTS350X.azimuths, CTS350X.bins)
     codes, bin_m = np.random.default_rng(1).integers(0, 120, shape, np.uint8), CTS350X.bin_m
-    scan, projector = estimator.features(codes, bin_m), Projector(image, len(codes))
+    scan, projector = _scan(codes, bin_m), Projector(image, len(codes))
+    features = matcher.features(scan)
     parts = {
-        "picture": lambda: projector.image(range_cells(codes, bin_m, image)),
-        "picture and features": lambda: estimator.features(codes, bin_m),
-        "pair": lambda: estimator.estimate(scan, scan),
+        "image": lambda: projector.image(range_cells(codes, bin_m, image)),
+        "image and features": lambda: matcher.features(scan),
+        "pair": lambda: matcher.estimate(features, features),
     }
     found = {name: medians(part, repeats) for name, part in parts.items()}
     for name, (seconds, used) in found.items():
         print(f"{label}, {name}: {seconds:.3f} s ({used:.3f} s of processor time)", flush=True)
-    rate = 1 / (found["picture and features"][0] + found["pair"][0])
-    print(f"{label}, pairs a second, each alone: {rate:.1f}", flush=True)
+    rate = 1 / (found["image and features"][0] + found["pair"][0])
+    print(f"{label}, pairs a second, each by itself: {rate:.1f}", flush=True)
 
 
 @torch.inference_mode()
 def measure_plain(size: int, repeats: int) -> None:
-    """Print what the plain form takes for a pair: normalisation by itself, the whole similarity matrix."""
+    """Print what the plain form takes for a pair: `KeypointModel`, both images through the network."""
     image = ImageSettings(size=size, pixel_m=0.6912 * 320 / size)
-    model = initial_model(ModelSettings(image=image), seed=1).eval()
-    picture = torch.rand(1, 1, size, size)
-    kept = model.features(picture)
-
-    def pair() -> None:
-        found = model.features(picture)
-        expected_matches(found.keypoints.descriptors, kept.maps, temperature=model.settings.temperature)
-
-    seconds, used = medians(pair, repeats)
-    print(f"{size} px, plain, features and matches: {seconds:.3f} s ({used:.3f} s of processor time)")
+    settings = ModelSettings(image=image)
+    model = KeypointModel(settings).eval()
+    model.load_state_dict(initial_model(settings, seed=1).state_dict())
+    source, destination = torch.rand(2, 1, 1, size, size)
+    seconds, used = medians(lambda: model(source, destination), repeats)
+    print(f"{size} px, plain, a pair: {seconds:.3f} s ({used:.3f} s of processor time)")
 
 
 def measure_drive(folder: Path) -> None:
-    """Print pairs a second over a folder's first scans, keyframes and second looks included."""
+    """Print pairs a second over a folder's first scans, keyframes included."""
     scans = open_folder(folder)
     doppler_s = -float(scans.sensor.doppler_shift_s.mean())
     seen = [scans.read(index) for index in range(min(len(scans), 32))]
@@ -93,11 +102,11 @@ def main() -> None:
     torch.set_num_threads(options.threads)
     print(f"{description()}, torch {torch.__version__}, {options.threads} thread(s)")
     for size in options.sizes:
-        for name, solving in {
+        for name, config in {
             "every pixel, float32": MatcherConfig(),
-            "as odometry has it": quick_solving(),
+            "as odometry has it": quick_config(torch.device("cpu")),
         }.items():
-            measure(f"{size} px, {name}", size, solving, options.repeats)
+            measure(f"{size} px, {name}", size, config, options.repeats)
         measure_plain(size, options.repeats)
     if options.data is not None:
         measure_drive(options.data)

@@ -1,29 +1,24 @@
-"""Seconds of a training step of one pair, forward, backward and Adam, with the plain and the fast matching.
+"""Seconds of a training step of one pair, forward, backward and Adam, of the plain and the fast model.
 
     python -m benchmarks.training_step [--sizes 160 320] [--threads 2] [--repeats 5]
 
-Pictures are drawn numbers: the cost does not depend on them. Processor time says what a busy machine hides.
+Images are random numbers: the cost does not depend on them. Processor time says what a busy machine hides.
 """
 
 import argparse
 import statistics
 import time
 from collections.abc import Callable
-from unittest.mock import patch
 
 import torch
 
 from benchmarks.machine import description
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.se2 import to_motion
-from echoscape.learn.model import keypoint_model as model_module
 from echoscape.learn.model.fast_keypoint_model import Matching
-from echoscape.learn.model.feature_pyramid import FeaturePyramid
+from echoscape.learn.model.keypoint_model import KeypointModel, pose_loss
 from echoscape.learn.model.model_settings import ModelSettings
-from echoscape.learn.model.softmax_matching import expected_matches_in
-from echoscape.learn.model.tiled_matching import Search
 from echoscape.learn.training.checkpoint import initial_model
-from echoscape.learn.model.keypoint_model import pose_loss
 from echoscape.sim.datasets.se2 import SE2
 from echoscape.sim.numerics.malloc import keep_freed_memory
 
@@ -37,27 +32,26 @@ FORMS = {
 
 
 def step_of(size: int, matching: Matching | None, network: torch.dtype) -> Callable[[], None]:
-    """Return what makes one step of training; without `matching` in the plain form."""
-    model = initial_model(ModelSettings(image=ImageSettings(size=size)), seed=1).train()
+    """Return one step of training; without `matching` that of the plain `KeypointModel`."""
+    settings = ModelSettings(image=ImageSettings(size=size))
+    fast = initial_model(settings, seed=1)
+    plain = KeypointModel(settings)
+    plain.load_state_dict(fast.state_dict())
+    model = (fast if matching else plain).train()
     optimiser = torch.optim.Adam(model.parameters(), 1e-3)
     source, destination = torch.rand(2, 1, 1, size, size)
     truth = to_motion([SE2(x_m=1.0, y_m=0.0, yaw_rad=0.1)])
 
     def step() -> None:
         optimiser.zero_grad()
-        found = model(source, destination, matching or Matching(), network)
-        pose_loss(found.motion(), truth, alpha_m=10.0).mean().backward()
+        if matching:
+            motion = fast(source, destination, matching, network).motion()
+        else:
+            motion, _ = plain(source, destination)
+        pose_loss(motion, truth, alpha_m=10.0).mean().backward()
         optimiser.step()
 
-    def plain(queries: torch.Tensor, picture: FeaturePyramid, *, temperature: float) -> Search:
-        places = expected_matches_in(queries, picture.descriptors(), temperature=temperature)
-        return Search(places_px=places, log_sums=places.new_zeros(places.shape[:2]))
-
-    def plain_step() -> None:
-        with patch.object(model_module, "fast_search", plain):
-            step()
-
-    return step if matching else plain_step
+    return step
 
 
 def medians(step: Callable[[], None], repeats: int) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Loop closure: how often the motion between scans of one place is found, whatever their headings.
 
-Source: the loop closures of Barnes & Posner 2020, section V, which meet a place from any direction. Scans are up
-to 5 m apart, and the source is rotated to a random heading by whole azimuths, which is exact.
+Source: the loop closures of Barnes & Posner 2020, section V, which meet a place from any direction. Scans are
+up to 5 m apart, and the source is rotated to a random heading by whole azimuths, which is exact.
 """
 
 import logging
@@ -137,8 +137,8 @@ def loop_closure_recall(
         progress: Called before every pair.
 
     Returns:
-        Figures by name: numbers of pairs, of pairs that could not be read, and of headings; the share of pairs
-        found within 0.5 m and 1 deg, and median errors [m], [deg]; under "plain_..." without hypotheses.
+        Figures by name: numbers of pairs, of pairs that could not be read, and of headings; the share of
+        pairs found within 0.5 m and 1 deg, and median errors [m], [deg]; under "plain_..." without hypotheses.
     """
     report = progress or (lambda stage, done, total: None)
     errors: dict[str, list[tuple[float, float]]] = {"": [], "plain_": []}

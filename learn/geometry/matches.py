@@ -20,8 +20,8 @@ class Matches:
         source_m: Keypoints (B, N, 2) in the source's own frame: forward, right [m].
         destination_m: Their matches (B, N, 2) in the destination's own frame [m].
         weights: Weights (B, N).
-        surprisal: Where the true motion was given: cross entropy (B, N) [nat] of the matching softmax with the
-            samples around each keypoint's true location, 0 for those outside the destination.
+        surprisal: Where the true motion was given: cross entropy (B, N) [nat] of the matching softmax with
+            the samples around each keypoint's true location, 0 for those outside the destination.
         precision: Of local matches, what the destination contributes by direction (B, N, 2, 2); the search
             prior is removed from it and from the locations.
     """

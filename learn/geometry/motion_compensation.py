@@ -1,8 +1,8 @@
 """Motion compensation of matches: poses from mid-scan to mid-scan, at the velocity of the estimate itself.
 
 Source: Burnett et al., "Do We Need to Compensate for Motion Distortion and Doppler Effects in Spinning Radar
-Navigation?", RA-L 2021. The car moves at the constant velocity between the two scans, and matched points stand
-still.
+Navigation?", RA-L 2021. The car moves at the constant velocity between the two scans, and matched points
+stand still.
 """
 
 import math
@@ -31,7 +31,8 @@ class ScanMotionModel:
 
     Attributes:
         scan_s: Duration of a scan, which starts straight ahead and goes clockwise [s].
-        doppler_beta_s: Range by which an approaching point appears too near, by its closing speed [m per m/s].
+        doppler_beta_s: Range by which an approaching point appears too near, by its closing speed
+            [m per m/s].
         gap_s: From mid-scan of the destination to that of the source, below 0 if the source is earlier [s].
     """
 
@@ -121,9 +122,9 @@ def solve_compensated(
 ) -> tuple[Motion, tuple[Part, ...]]:
     """Solve for the pose of a source from all of its matches, with its points moved to mid-scan.
 
-    The motion of points as measured gives the velocities from the last part's destination to the source; these
-    move the points of the source, and of destinations without velocities of their own; that is repeated three
-    times, and each iteration leaves about a thousandth of the error.
+    The motion of points as measured gives the velocities from the last part's destination to the source;
+    these move the points of the source, and of destinations without velocities of their own; that is
+    repeated three times, and each iteration leaves about a thousandth of the error.
 
     Args:
         parts: Matches with one or several destinations.

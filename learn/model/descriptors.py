@@ -1,7 +1,7 @@
 """Descriptors at keypoints without the dense map: from nine pixels of each of the encoder's maps.
 
-Source: Barnes & Posner 2020, section III-A (dense descriptors). Maps are resized bilinearly with pixels as areas
-(`align_corners=False`): sample j of map l lies at pixel 2^l (j + 1/2) - 1/2.
+Source: Barnes & Posner 2020, section III-A (dense descriptors). Maps are resized bilinearly with pixels as
+areas (`align_corners=False`): sample j of map l lies at pixel 2^l (j + 1/2) - 1/2.
 """
 
 import torch

@@ -133,7 +133,7 @@ def unit(descriptors: Tensor, dim: int = -1) -> Tensor:
 
 
 def sampled(values: Tensor, points_px: Tensor) -> Tensor:
-    """Return (B, N, C): maps (B, C, H, W) at points (B, N, 2) row, column [px], bilinearly, edges repeated."""
+    """Return (B, N, C): maps (B, C, H, W) at points (B, N, 2) row, column [px], bilinearly."""
     size = torch.tensor(values.shape[-2:], dtype=points_px.dtype, device=points_px.device)
     grid = ((points_px + 0.5) * (2 / size) - 1).flip(-1)[:, None].to(values.dtype)
     found = grid_sample(values, grid, mode="bilinear", padding_mode="border", align_corners=False)
@@ -164,7 +164,7 @@ def match_weights(similarity: Tensor, source_scores: Tensor, matched_scores: Ten
 
 
 def weighted_pose(source_m: Tensor, destination_m: Tensor, weights: Tensor) -> Motion:
-    """Solve for the motion that minimises sum w |R source + t - destination|^2, by singular values (Umeyama 1991).
+    """Minimise sum w |R source + t - destination|^2 by singular value decomposition (Umeyama 1991).
 
     Where the points do not determine R (no weight, or all in one place) it is 1, without gradient, and the
     motion is not `certain`. The gradient of R does not exist where both singular values are equal.
@@ -177,8 +177,8 @@ def weighted_pose(source_m: Tensor, destination_m: Tensor, weights: Tensor) -> M
     Returns:
         The motions T_destination_source.
     """
-    tiny, eps = torch.finfo(weights.dtype).tiny, torch.finfo(weights.dtype).eps
-    share = (weights / weights.sum(1, keepdim=True).clamp(min=tiny))[..., None]
+    eps = torch.finfo(weights.dtype).eps
+    share = (weights / weights.sum(1, keepdim=True).clamp(min=1e-12))[..., None]
     source_mean, destination_mean = (share * source_m).sum(1), (share * destination_m).sum(1)
     source, destination = source_m - source_mean[:, None], destination_m - destination_mean[:, None]
     covariance = destination.mT @ (share * source)  # (B, 2, 2)

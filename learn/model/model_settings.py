@@ -1,7 +1,7 @@
 """Settings of the keypoint model, stored with its weights.
 
-Source: Barnes & Posner 2020, section III: 20 x 20 cells, a matching softmax with a temperature. Imports no PyTorch,
-so that the command line can list the settings without it.
+Source: Barnes & Posner 2020, section III: 20 x 20 cells, a matching softmax with a temperature. Imports no
+PyTorch, so that the command line can list the settings without it.
 """
 
 import math

@@ -1,10 +1,10 @@
-"""Odometry over a drive: each scan matched with the one before and with a keyframe, around its predicted pose.
+"""Odometry over a drive: each scan matched with the one before and a keyframe, around its predicted pose.
 
-Source: keyframes and a constant-velocity prediction are common in odometry (Burnett et al., RSS 2021; Vizzo et
-al., RA-L 2023); Barnes & Posner 2020 solve each pair by itself. Errors of pairs accumulate, and are biased if
-the network is; keyframes bound that, and the scan before keeps the next step smooth. Every image is rendered in
-the keyframe's frame at the predicted pose of its scan, so that static objects keep their place in it and a bias
-towards equal places in both images, which pooling causes, does not shorten the motion.
+Source: keyframes and a constant-velocity prediction are common in odometry (Burnett et al., RSS 2021; Vizzo
+et al., RA-L 2023); Barnes & Posner 2020 solve each pair by itself. Errors of pairs accumulate, and are biased
+if the network is; keyframes bound that, and the scan before keeps the next step smooth. Every image is
+rendered in the keyframe's frame at the predicted pose of its scan, so that static objects keep their place in
+it and a bias towards equal places in both images, which pooling causes, does not shorten the motion.
 """
 
 import logging

@@ -1,7 +1,8 @@
 """Odometry exactly as published: each pair of successive scans by `KeypointModel`, and nothing else.
 
-Source: Barnes & Posner 2020: every pixel is searched, in float32, and the pose is least squares of all matches.
-Points are taken as measured, without compensation of motion or Doppler shifts; no match is weighted down.
+Source: Barnes & Posner 2020: every pixel is searched, in float32, and the pose is least squares of all
+matches. Points are taken as measured, without compensation of motion or Doppler shifts; no match is
+weighted down.
 """
 
 import copy

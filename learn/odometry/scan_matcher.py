@@ -197,8 +197,8 @@ class ScanMatcher:
         Args:
             source: The scan.
             references: Destinations, or a single scan for the motion to it.
-            scan_motion: Timing, for a motion from mid-scan to mid-scan at the velocity of the estimate itself;
-                None takes points as measured at a single instant.
+            scan_motion: Timing, for a motion from mid-scan to mid-scan at the velocity of the estimate
+                itself; None takes points as measured at a single instant.
             search_sigma_m: See `match`.
 
         Returns:
@@ -219,7 +219,7 @@ class ScanMatcher:
 
     @torch.inference_mode()
     def _solve(self, parts: Sequence[Part], scan_motion: ScanMotionModel | None = None) -> PairEstimate:
-        """Return the pose of the source in the frame of the parts' poses, with the matches of the last part."""
+        """Return the pose of the source in the frame of the parts' poses, with the last part's matches."""
         scale_m = ROBUST_SCALE_PX * self.model.settings.image.pixel_m
         motion, compensated = solve_compensated(
             parts, scale_m=scale_m if self.config.robust else None, scan_motion=scan_motion

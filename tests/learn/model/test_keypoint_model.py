@@ -1,8 +1,7 @@
-"""The whole model: motions from ideal descriptors, heads that can be left out, inference as in training."""
+"""The plain model: the paper's equations by hand, and the fast model against it in values and gradients."""
 
 import math
-from dataclasses import replace
-from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,342 +9,246 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.learn.data.image import image_of_codes
+from echoscape.eval.odometry.learned import shipped_weights
 from echoscape.learn.data.image_settings import ImageSettings
-from echoscape.learn.geometry.matches import Matches
-from echoscape.learn.geometry.motion_compensation import Part
-from echoscape.learn.geometry.procrustes import Motion, moved, rotation_of_yaw
-from echoscape.learn.geometry.se2 import to_motion, transform
-from echoscape.learn.model.descriptors import dense_descriptors
-from echoscape.learn.model.keypoint_model import KeypointModel, Matching, ModelSettings, destination_of
-from echoscape.learn.model.keypoints import keypoints_at
-from echoscape.learn.model.pixel_coords import pixels_of_metres
-from echoscape.learn.model.unet import CHANNELS, Maps
-from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, folded, quick_solving
-from echoscape.learn.training.checkpoint import initial_model
-from echoscape.sim.datasets.se2 import IDENTITY, SE2
-from tests.learn.folders import BIN_M
+from echoscape.learn.geometry.procrustes import Motion, motion_of_matches, moved, rotation_of_yaw
+from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
+from echoscape.learn.model.keypoint_model import (
+    KeypointModel,
+    dense_descriptors,
+    matched_locations,
+    pose_loss,
+    unit,
+    weighted_pose,
+)
+from echoscape.learn.model.model_settings import ModelSettings, Pooling
+from echoscape.learn.model.weights import load_weights
+from echoscape.learn.odometry.paper_odometry import PaperOdometry
+from tests.eval.drives import landmarks, scan_of
 
-SIZE, PIXEL_M = 80, 1.5
-# At T = 300 the ideal descriptors below make peaks of 1.5 px: wide enough for every second pixel.
-SETTINGS = ModelSettings(image=ImageSettings(pixel_m=PIXEL_M, size=SIZE), temperature=300.0)
-
-
-def _ideal_maps(forward_m: float, right_m: float, yaw: float) -> Maps:
-    """Maps whose descriptors tell each pixel's place in the world, seen from a pose, and nothing else."""
-    offset = (torch.arange(SIZE) - (SIZE - 1) / 2) * PIXEL_M
-    forward, right = -offset[:, None].expand(SIZE, SIZE), offset[None].expand(SIZE, SIZE)
-    x = forward_m + math.cos(yaw) * forward - math.sin(yaw) * right
-    y = right_m + math.sin(yaw) * forward + math.cos(yaw) * right
-    waves = [(1.0, 0.0), (0.0, 1.0), (1.1, 1.3), (1.3, -1.1)]
-    phases = [(u * x + v * y) * (2 * math.pi / 220) for u, v in waves]
-    fine = torch.stack([each for phase in phases for each in (phase.cos(), phase.sin())])[None]
-    coarse = [torch.zeros(1, count, SIZE >> level, SIZE >> level) for level, count in enumerate(CHANNELS)]
-    return fine, *coarse[1:]
+SIZE = 80
+DEVICES = ["cpu", pytest.param("cuda", marks=pytest.mark.gpu)]
 
 
-def _inner_points() -> Tensor:
-    draws = np.random.default_rng(1).uniform(-25, 25, (1, 60, 2)).astype(np.float32)
-    return pixels_of_metres(torch.from_numpy(draws), size=SIZE, pixel_m=PIXEL_M)
+def _device(name: str) -> torch.device:
+    if name == "cuda" and not torch.cuda.is_available():
+        pytest.skip("needs a CUDA device")
+    return torch.device(name)
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.4, math.pi / 2, -3.0])
-@pytest.mark.parametrize("matching", [Matching(), Matching(stride=2)])
-def test_ideal_descriptors_give_the_motion(yaw: float, matching: Matching) -> None:
-    model = KeypointModel(SETTINGS)
-    destination, source = (2.0, -3.0, 0.7), (2.0 + 5.3, -3.0 + 4.1, 0.7 + yaw)
-    keypoints = keypoints_at(_inner_points(), _ideal_maps(*source), None)
-    into = destination_of(_ideal_maps(*destination), None, matching)
-    found = model.matches(keypoints, into).motion()
-    shift = complex(5.3, 4.1) * np.exp(-0.7j)  # forward + i right, in the destination's frame
-    assert_allclose(found.translation_m[0], [shift.real, shift.imag], atol=0.02 * PIXEL_M)
-    assert_allclose(math.remainder(float(found.yaw_rad) - yaw, 2 * math.pi), 0, atol=1e-3)
+def _images(seed: int, count: int = 1, dtype: torch.dtype = torch.float32) -> Tensor:
+    draws = torch.Generator().manual_seed(seed)
+    return torch.rand((count, 1, SIZE, SIZE), generator=draws, dtype=dtype)
 
 
-@pytest.mark.parametrize("stride", [1, 2])
-def test_surprisal_is_the_cross_entropy_with_the_true_place(stride: int) -> None:
-    """Least at the true motion, and what a softmax over all samples says there."""
-    model, matching = KeypointModel(SETTINGS), Matching(stride=stride)
-    destination, source = (2.0, -3.0, 0.7), (7.3, 1.1, 0.9)
-    maps = _ideal_maps(*destination)
-    keypoints = keypoints_at(_inner_points(), _ideal_maps(*source), None)
-    into = destination_of(maps, None, matching)
-    shift = complex(5.3, 4.1) * np.exp(-0.7j)
-    truth = Motion(
-        rotation=rotation_of_yaw(torch.tensor([0.2])),
-        translation_m=torch.tensor([[shift.real, shift.imag]], dtype=torch.float32),
-        certain=torch.ones(1, dtype=torch.bool),
+def _models(
+    dtype: torch.dtype = torch.float32, *, pooling: Pooling = "max", size: int = SIZE, heads: bool = True
+) -> tuple[KeypointModel, FastKeypointModel]:
+    image = ImageSettings(size=size, pixel_m=1.0)
+    settings = ModelSettings(
+        image=image, pooling=pooling, temperature=30.0, location_head=heads, score_head=heads
     )
-    back = Motion(rotation=truth.rotation.mT, translation_m=-truth.translation_m, certain=truth.certain)
-    right, wrong = (
-        model.matches(keypoints, into, partial(moved, motion=each)).surprisal for each in (truth, back)
+    torch.manual_seed(1)
+    plain = KeypointModel(settings).to(dtype)
+    return plain, FastKeypointModel.from_plain(plain).to(dtype)
+
+
+def _points(count: int = 30, seed: int = 1) -> Tensor:
+    return torch.from_numpy(np.random.default_rng(seed).uniform(-50, 50, (2, count, 2)))
+
+
+def _motion(yaw: float, forward: float, right: float) -> Motion:
+    return Motion(
+        rotation=rotation_of_yaw(torch.tensor([yaw, -yaw], dtype=torch.float64)),
+        translation_m=torch.tensor([[forward, right], [right, forward]], dtype=torch.float64),
+        certain=torch.ones(2, dtype=torch.bool),
     )
-    assert right is not None
-    assert wrong is not None
-    assert float(right.mean()) < 0.5 * float(wrong.mean())
-    # One keypoint by hand: its true place, the four samples around it, and the plain softmax over all.
-    place = pixels_of_metres(moved(model.metres(keypoints.points_px), truth), size=SIZE, pixel_m=PIXEL_M)[
-        0, 0
-    ]
-    row, column = ((place + 0.5) / stride - 0.5).tolist()
-    logits = 300 * (keypoints.descriptors[0, 0] @ into.picture.descriptors()[0].flatten(1))
-    image = logits.view(into.picture.descriptors().shape[-2:])
-    i, j = int(row), int(column)
-    u, v = row - i, column - j
-    around = (1 - u) * ((1 - v) * image[i, j] + v * image[i, j + 1])
-    around = around + u * ((1 - v) * image[i + 1, j] + v * image[i + 1, j + 1])
-    assert_allclose(right[0, 0], logits.logsumexp(0) - around, atol=2e-3)
 
 
-def test_what_is_looked_for_near_its_place_is_found_as_if_it_were_not() -> None:
-    """Ideal descriptors: places are where they truly are, and precisions are told."""
-    model, matching = KeypointModel(SETTINGS), Matching()
-    maps, off = _ideal_maps(0.0, 0.0, 0.0), torch.tensor([0.5, -0.4])
-    points = _inner_points()
-    keypoints = replace(keypoints_at(points, maps, None), points_px=points + off)  # expected a little off
-    into = destination_of(maps, None, matching)
-    found = model.matches(keypoints, into, within_m=3 * PIXEL_M)
-    assert model.matches(keypoints, into).precision is None
-    assert found.precision is not None
-    assert float(found.precision.diagonal(dim1=-2, dim2=-1).min()) > 0.15
-    far = torch.linalg.vector_norm(found.destination_m - model.metres(points), dim=-1)
-    pulled = torch.linalg.vector_norm(model.metres(points + off) - model.metres(points), dim=-1)
-    assert float(far.median()) < 0.1 * float(pulled.median())
-    truth = SE2(x_m=float(off[0]) * PIXEL_M, y_m=-float(off[1]) * PIXEL_M, yaw_rad=0.0)
-    assert float(found.errors_m(to_motion(truth)).median()) < 0.05 * PIXEL_M
+def _flat(model: torch.nn.Module) -> dict[str, Tensor]:
+    return {name: each.grad for name, each in model.named_parameters() if each.grad is not None}
 
 
-def test_places_outside_the_destination_surprise_nobody() -> None:
-    model, matching = KeypointModel(SETTINGS), Matching(stride=2)
-    maps = _ideal_maps(0.0, 0.0, 0.0)
-    away = Motion(
-        rotation=rotation_of_yaw(torch.tensor([0.0])),
-        translation_m=torch.tensor([[500.0, 0.0]]),
-        certain=torch.ones(1, dtype=torch.bool),
-    )
-    keypoints = keypoints_at(_inner_points(), maps, None)
-    found = model.matches(keypoints, destination_of(maps, None, matching), partial(moved, motion=away))
-    assert found.surprisal is not None
-    assert bool((found.surprisal == 0).all())
+# ------------------------------------------------------------------ the fast model against the plain one
 
 
-def test_the_quick_way_is_robust_and_searches_between_pixels() -> None:
-    found = quick_solving()
-    assert found.robust
-    assert found.matching.stride == 2
-    assert found.network == found.matching.dtype
+@pytest.mark.parametrize("training", [True, False])
+@pytest.mark.parametrize("pooling", ["max", "blurred"])
+def test_the_fast_model_is_the_plain_one_in_values_and_gradients(pooling: Pooling, *, training: bool) -> None:
+    """Float32 has logits of 30 to some 1e-5, and a place that is spread over 80 px to some 1e-3 of one."""
+    plain, fast = _models(pooling=pooling)
+    plain.train(training)
+    fast.train(training)
+    source, destination = _images(1, 2), _images(2, 2)
+    motion, matches = plain(source, destination)
+    found = fast(source, destination, Matching(), torch.float32)
+    assert_allclose(found.source_m.detach(), matches.source_m.detach(), atol=1e-3)
+    assert_allclose(found.destination_m.detach(), matches.destination_m.detach(), atol=5e-3)
+    assert_allclose(found.weights.detach(), matches.weights.detach(), atol=1e-4)
+    fast_motion = found.motion()
+    assert_allclose(fast_motion.translation_m.detach(), motion.translation_m.detach(), atol=1e-2)
+    assert_allclose(fast_motion.yaw_rad.detach(), motion.yaw_rad.detach(), atol=1e-3)
+    # A sum of the matches with fixed factors, whose gradient goes through all outputs of the network.
+    factors = torch.linspace(-1, 2, matches.weights.numel()).view(matches.weights.shape)
+    for each in (matches, found):
+        ((each.destination_m + each.source_m).sum(-1) * factors * each.weights).sum().backward()
+    theirs, mine = _flat(plain), _flat(fast)
+    assert theirs.keys() == mine.keys()
+    largest = max(float(each.norm()) for each in theirs.values())
+    assert largest > 0
+    for name, slope in theirs.items():
+        assert float((mine[name] - slope).norm()) <= 2e-2 * float(slope.norm()) + 1e-4 * largest, name
 
 
-def _codes() -> np.ndarray:
-    """Drawn codes (400, 3768) with something everywhere, so that no two places look alike."""
-    blocks = np.random.default_rng(6).integers(0, 130, (80, 157), np.uint8)
-    return blocks.repeat(5, 0).repeat(24, 1)
+def test_inference_by_the_fast_model_is_that_of_the_plain_one() -> None:
+    """The path without gradients, with bundled weights, by least squares on every pixel in float32.
+
+    Logits near 100 are exact to 1e-5 x 100, so matches spread over 100 m are to some 0.1 m.
+    """
+    model, _ = load_weights(shipped_weights()[0.6912])
+    fast = FastKeypointModel.from_plain(model)
+    scan = scan_of(landmarks(count=150), (0.0, 0.0, 0.0))
+    later = scan_of(landmarks(count=150), (1.0, 0.3, 0.02), number=1)
+    paper = PaperOdometry(model)
+    images = [paper.image(each) for each in (scan, later)]
+    with torch.inference_mode():
+        motion, matches = model(images[1], images[0])
+        found = fast(images[1], images[0], Matching(), torch.float32)
+    assert_allclose(found.source_m, matches.source_m, atol=2e-3)
+    assert_allclose(found.destination_m, matches.destination_m, atol=0.1)
+    assert_allclose(found.weights, matches.weights, atol=1e-3)
+    assert_allclose(found.motion().translation_m, motion.translation_m, atol=2e-3)
 
 
-def _used_to(codes: np.ndarray, settings: ModelSettings) -> KeypointModel:
-    """Return an untrained model whose normalisations know a scan, so that all maps are of like strength."""
-    model = initial_model(settings, seed=5)
+def test_both_models_share_their_weights_and_first_draws() -> None:
+    plain, fast = _models()
+    assert list(plain.state_dict()) == list(fast.state_dict())
+    torch.manual_seed(1)
+    drawn = FastKeypointModel(plain.settings)
+    assert all(torch.equal(*pair) for pair in zip(plain.parameters(), drawn.parameters(), strict=True))
+
+
+@pytest.mark.parametrize("heads", [True, False])
+def test_an_image_without_multiple_of_16_pixels_is_padded_alike(*, heads: bool) -> None:
+    plain, fast = (each.eval() for each in _models(size=70, heads=heads))
+    source, destination = (each[..., 5:-5, 5:-5] for each in (_images(1), _images(2)))
+    with torch.no_grad():
+        _, matches = plain(source, destination)
+        found = fast(source, destination, Matching(), torch.float32)
+    assert_allclose(found.source_m, matches.source_m, atol=1e-3)
+    assert_allclose(found.destination_m, matches.destination_m, atol=5e-3)
+    assert_allclose(found.weights, matches.weights, atol=1e-4)
+
+
+# ------------------------------------------------------------------ the paper's steps
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_a_match_and_a_pose_on_any_device(device: str) -> None:
+    """An image matched with itself has not moved; where matches are sharp, to a tenth of a pixel."""
+    where = _device(device)
+    image = ImageSettings(size=SIZE, pixel_m=1.0)
+    settings = ModelSettings(image=image, temperature=3000.0, location_head=False)
+    torch.manual_seed(2)
+    model = KeypointModel(settings).to(where).eval()
     for part in model.modules():
         if isinstance(part, torch.nn.BatchNorm2d):
             part.momentum = 1.0
     with torch.no_grad():
-        model.train().features(image_of_codes(codes, BIN_M, settings.image)[None])
-    return model
+        model.train()(_images(3).to(where), _images(3).to(where))
+        motion, matches = model.eval()(_images(3).to(where), _images(3).to(where))
+    assert matches.weights.device.type == where.type
+    assert motion.rotation.device.type == where.type
+    assert_allclose(motion.translation_m.cpu(), 0, atol=0.1)
+    assert_allclose(motion.yaw_rad.cpu(), 0, atol=0.01)
 
 
-def _picture(seed: int = 1) -> Tensor:
-    return torch.rand((1, 1, SIZE, SIZE), generator=torch.Generator().manual_seed(seed))
+def test_a_descriptor_is_matched_to_the_mean_of_equal_pixels() -> None:
+    dense = torch.zeros(1, 4, 5, 7)
+    dense[0, 0, 1, 2] = dense[0, 0, 3, 6] = 1.0
+    query = torch.tensor([[[1.0, 0, 0, 0]]])
+    assert_allclose(matched_locations(query, dense, temperature=500.0), [[[2.0, 4.0]]], atol=1e-5)
 
 
-@pytest.mark.parametrize("location_head", [True, False])
-@pytest.mark.parametrize("score_head", [True, False])
-def test_heads_can_be_left_out(location_head: bool, score_head: bool) -> None:
-    settings = ModelSettings(image=SETTINGS.image, location_head=location_head, score_head=score_head)
-    model = initial_model(settings, seed=1).eval()
-    found = model.features(_picture())
-    assert found.keypoints.points_px.shape == (1, 400, 2)
-    centres = (found.keypoints.points_px[0, :20, 1] - (torch.arange(20) * 4 + 1.5)).abs().max()
-    assert (centres == 0) == (not location_head)
-    assert bool((found.keypoints.scores == 1).all()) == (not score_head)
-    motion = model.train()(_picture(1), _picture(2), Matching(), torch.float32).motion()
-    motion.translation_m.sum().backward()
-    assert all(each.grad is not None and bool(each.grad.isfinite().all()) for each in model.parameters())
-
-
-def test_keypoints_are_made_in_float32_of_a_bfloat16_network() -> None:
-    model = initial_model(SETTINGS, seed=1).eval()
-    found = model.features(_picture(), torch.bfloat16)
-    points = found.keypoints.points_px
-    assert points.dtype == torch.float32
-    assert float((points - points.bfloat16()).detach().abs().max()) > 1e-4
-    again = keypoints_at(points, found.maps, found.scores)
-    assert torch.equal(found.keypoints.descriptors, again.descriptors)
-    assert all(torch.equal(each, each.bfloat16().float()) for each in found.maps)
-
-
-def test_training_sees_what_inference_sees() -> None:
-    """Keypoints, scores and matches of a pair are those of two pictures by themselves."""
-    model, matching = initial_model(SETTINGS, seed=1).eval(), Matching(stride=2)
+def test_the_embedding_is_the_largest_of_each_dense_descriptor() -> None:
+    plain, fast = (each.eval() for each in _models())
+    images = _images(1, 2)
     with torch.no_grad():
-        found = model(_picture(1), _picture(2), matching, torch.float32)
-        source, destination = model.features(_picture(1)), model.features(_picture(2))
-        wanted = model.matches(
-            source.keypoints, destination_of(destination.maps, destination.scores, matching)
-        )
-    for mine, theirs in (
-        (found.source_m, wanted.source_m),
-        (found.destination_m, wanted.destination_m),
-        (found.weights, wanted.weights),
-    ):
-        assert_allclose(mine, theirs, rtol=1e-4, atol=1e-3)
-    assert float((source.keypoints.scores - destination.keypoints.scores).abs().max()) > 1e-4
+        maps = plain.maps(images)
+        found = plain.embedding(images)
+        assert_allclose(found, dense_descriptors(maps).flatten(2).max(2).values)
+        assert_allclose(fast.embedding(maps), found, atol=1e-6)
+    assert found.shape == (2, 248)
 
 
-def test_a_network_that_has_come_to_no_number_says_so() -> None:
-    """Not by an error of memory: training looks whether its loss is finite."""
-    model = initial_model(SETTINGS, seed=1)
-    with torch.no_grad():
-        for name, value in model.named_parameters():
-            if name == "locations.head.bias":
-                value.fill_(math.nan)
-    found = model(_picture(1), _picture(2), Matching(stride=2), torch.float32)
-    assert bool(found.source_m.isnan().all())
+@pytest.mark.parametrize("yaw", [0.0, 0.3, math.pi / 2, -3.0])
+def test_the_pose_of_exact_matches_is_exact(yaw: float) -> None:
+    truth, source = _motion(yaw, 3.0, -1.5), _points()
+    weights = torch.rand(2, 30, generator=torch.Generator().manual_seed(4), dtype=torch.float64)
+    found = weighted_pose(source, moved(source, truth), weights)
+    assert_allclose(found.rotation, truth.rotation, atol=1e-12)
+    assert_allclose(found.translation_m, truth.translation_m, atol=1e-10)
+    assert bool(found.certain.all())
 
 
-def test_destinations_are_searched_as_they_are_told_to_be() -> None:
-    matching = Matching(stride=2, dtype=torch.bfloat16)
-    picture = destination_of(_ideal_maps(0, 0, 0), None, matching).picture
-    assert (picture.stride, picture.dtype) == (matching.stride, matching.dtype)
+def test_the_singular_values_and_the_angle_in_closed_form_give_one_pose_and_gradient() -> None:
+    source, weights = _points(), torch.rand(2, 30, dtype=torch.float64)
+    destination = moved(source, _motion(0.4, 2.0, 1.0)) + 3 * torch.randn(2, 30, 2, dtype=torch.float64)
+    inputs = [each.clone().requires_grad_() for each in (source, destination, weights)]
+    slopes = []
+    for solve in (weighted_pose, motion_of_matches):
+        motion = solve(*inputs)
+        total = (motion.rotation * torch.arange(4.0).view(2, 2)).sum() + motion.translation_m.sum()
+        slopes.append((motion, torch.autograd.grad(total, inputs)))
+    (one, by_svd), (other, by_angle) = slopes
+    assert_allclose(one.rotation.detach(), other.rotation.detach(), atol=1e-12)
+    assert_allclose(one.translation_m.detach(), other.translation_m.detach(), atol=1e-10)
+    for mine, theirs in zip(by_svd, by_angle, strict=True):
+        assert_allclose(mine, theirs, atol=1e-9 * float(theirs.abs().max()))
 
 
-def test_folding_normalisation_into_convolutions_changes_rounding_alone() -> None:
-    model = initial_model(SETTINGS, seed=3)
-    with torch.no_grad():
-        model.train().maps(_picture(4) * 3)  # statistics that are not 0 and 1
-    plain = dense_descriptors(model.eval().encoder(_picture()))
-    assert_allclose(dense_descriptors(folded(model).encoder(_picture())), plain.detach(), atol=2e-4)
+def test_mirrored_points_give_a_rotation_not_a_reflection() -> None:
+    source = _points()
+    found = weighted_pose(source, source * torch.tensor([1.0, -1.0]), torch.ones(2, 30, dtype=torch.float64))
+    assert_allclose(torch.linalg.det(found.rotation), 1.0, atol=1e-12)
 
 
-def test_a_scan_matched_with_itself_has_not_moved() -> None:
-    # Without location head: keypoints at the same places, each found at its own pixel by a sharp softmax.
-    settings = ModelSettings(image=SETTINGS.image, temperature=5000.0, location_head=False)
-    estimator = ScanMatcher(_used_to(_codes(), settings), MatcherConfig(robust=False))
-    codes = _codes()
-    scan = estimator.features(codes, BIN_M)
-    same = estimator.estimate(scan, scan)
-    # Neighbouring pixels look alike to a network that has learned nothing: 0.03 px.
-    assert_allclose([same.motion.x_m, same.motion.y_m, same.motion.yaw_rad], 0, atol=0.03 * PIXEL_M)
-    assert same.certain
-    assert estimator.embedding(scan).shape == (248,)
+@pytest.mark.parametrize("what", ["weight", "spread"])
+def test_a_pose_that_is_not_determined_is_none_with_finite_gradients(what: str) -> None:
+    source = _points().requires_grad_()
+    points = source if what == "weight" else source[:, :1].expand(-1, 30, -1)
+    weights = torch.full((2, 30), 0.0 if what == "weight" else 1.0, dtype=torch.float64, requires_grad=True)
+    found = weighted_pose(points, points + 2.0, weights)
+    assert not bool(found.certain.any())
+    assert_allclose(found.rotation.detach(), torch.eye(2).expand(2, 2, 2), atol=1e-12)
+    (found.rotation.sum() + found.translation_m.sum()).backward()
+    assert weights.grad is not None
+    assert bool(weights.grad.isfinite().all())
 
 
-def test_headings_find_a_source_that_was_turned() -> None:
-    settings = ModelSettings(image=SETTINGS.image, temperature=3000.0, location_head=False, score_head=False)
-    estimator = ScanMatcher(_used_to(_codes(), settings), MatcherConfig(robust=False))
-    codes = _codes()
-    source, destination = (estimator.features(each, BIN_M) for each in (np.roll(codes, -100, 0), codes))
-    found = estimator.estimate_any_heading(source, destination, headings=4).motion
-    # What stood right (row 100) stands ahead: the car has turned right by a quarter.
-    assert_allclose([found.x_m, found.y_m, found.yaw_rad], [0, 0, math.pi / 2], atol=0.03 * PIXEL_M)
-    with pytest.raises(ValueError, match="headings must be 1 or more, got 0"):
-        estimator.estimate_any_heading(source, destination, headings=0)
+def test_the_loss_of_a_rotation_is_twice_the_sine_of_half_the_angle() -> None:
+    found = pose_loss(_motion(0.2, 3.0, 4.0), _motion(0.0, 0.0, 0.0), alpha_m=10.0)
+    assert_allclose(found, 5 + 10 * 2 * math.sin(0.1), atol=1e-12)
 
 
-def test_precisions_are_told_in_the_destinations_own_frame(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A picture shows its scan turned by 30 deg; what is said ahead in it is 30 deg to the scan's left."""
-    settings = ModelSettings(image=SETTINGS.image, location_head=False, score_head=False)
-    estimator = ScanMatcher(initial_model(settings, seed=0))
-    there = SE2(x_m=1.0, y_m=0.0, yaw_rad=math.radians(30))
-    source = estimator.features(_codes(), BIN_M)
-    into = estimator.searchable(estimator.features(_codes(), BIN_M, shown_at=there))
-    ahead = Matches(
-        source_m=torch.zeros(1, 1, 2),
-        destination_m=torch.zeros(1, 1, 2),
-        weights=torch.ones(1, 1),
-        precision=torch.diag(torch.tensor([1.0, 0.0]))[None, None],
-    )
-    monkeypatch.setattr(KeypointModel, "matches", lambda *_, **__: ahead)
-    found = estimator.matches(source, into, within_m=1.0).precision
-    assert found is not None
-    axis = torch.tensor([math.cos(math.radians(30)), -math.sin(math.radians(30))])
-    assert_allclose(found[0, 0], axis[:, None] * axis, atol=1e-6)
+# ------------------------------------------------------------------ the solver of the paper
 
 
-def test_precisions_by_row_are_told_forward(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = KeypointModel(SETTINGS)
-    maps = _ideal_maps(0.0, 0.0, 0.0)
-    keypoints = keypoints_at(_inner_points(), maps, None)
-    down_right = torch.tensor([[0.5, 0.4], [0.4, 0.5]]).expand(1, 60, 2, 2)
-    monkeypatch.setattr(
-        "echoscape.learn.model.keypoint_model.remove_prior",
-        lambda *_: (keypoints.points_px, down_right),
-    )
-    found = model.matches(keypoints, destination_of(maps, None, Matching()), within_m=1.0).precision
-    assert found is not None
-    assert_allclose(found[0, 0], [[0.5, -0.4], [-0.4, 0.5]])
+def test_the_papers_solver_is_the_plain_model_on_two_images() -> None:
+    model, _ = load_weights(shipped_weights()[0.6912])
+    odometry = PaperOdometry(model)
+    scans = [scan_of(landmarks(count=150), (1.2 * k, 0.1 * k, 0.02 * k), number=k) for k in range(3)]
+    state = odometry.start(scans[0])
+    for before, after in pairwise(scans):
+        found, state = odometry.follow(state, after)
+        with torch.no_grad():
+            motion, matches = model(odometry.image(after), odometry.image(before))
+        assert found.motion.x_m == float(motion.translation_m[0, 0])
+        assert found.motion.y_m == float(motion.translation_m[0, 1])
+        assert found.motion.yaw_rad == float(motion.yaw_rad[0])
+        assert_allclose(found.weights, matches.weights[0], atol=0)
+        assert found.motion.x_m == pytest.approx(1.2, abs=0.2 * 0.6912)
 
 
-def test_agreement_counts_parts_by_their_weight() -> None:
-    estimator = ScanMatcher(initial_model(SETTINGS, seed=0), MatcherConfig(robust=True))
-    points = torch.tensor([[[10.0, 0.0], [-8.0, 3.0], [0.0, 9.0]]])
-    there = SE2(x_m=2.0, y_m=-1.0, yaw_rad=0.3)
-    matches = Matches(
-        source_m=points, destination_m=transform(there.inverse(), points), weights=torch.ones(1, 3)
-    )
-    parts = [
-        Part(matches=replace(matches, destination_m=points), stood_at=to_motion(IDENTITY), weight=3.0),
-        Part(matches=matches, stood_at=to_motion(there)),
-    ]
-    assert estimator.solve(parts).agreement == pytest.approx(12.0, rel=1e-4)
-
-
-def test_true_places_are_not_asked_for_with_an_expectation() -> None:
-    model, maps = KeypointModel(SETTINGS), _ideal_maps(0.0, 0.0, 0.0)
-    keypoints = keypoints_at(_inner_points(), maps, None)
-    with pytest.raises(ValueError, match="true_places goes without within_m"):
-        model.matches(keypoints, destination_of(maps, None, Matching()), lambda x: x, within_m=1.0)
-
-
-@pytest.mark.parametrize("size", [150, 100, 20])
-def test_a_picture_of_any_size_has_its_cells_and_is_measured_alike(size: int) -> None:
-    """What has no multiple of 16 and of the cells is seen with an empty margin about the same middle."""
-    odd = ModelSettings(image=ImageSettings(pixel_m=PIXEL_M, size=size))
-    wide = ModelSettings(image=ImageSettings(pixel_m=PIXEL_M, size=odd.side))
-    assert odd.side == 80 * math.ceil(size / 80)
-    models = [initial_model(each, seed=1).eval() for each in (odd, wide)]
-    picture = torch.rand(1, 1, size, size, generator=torch.Generator().manual_seed(2))
-    shown = torch.nn.functional.pad(picture, [(odd.side - size) // 2] * 4)
-    with torch.no_grad():
-        found, wanted = (model.features(each) for model, each in zip(models, (picture, shown), strict=True))
-    assert found.keypoints.points_px.shape == (1, 400, 2)
-    assert_allclose(models[0].metres(found.keypoints.points_px), models[1].metres(wanted.keypoints.points_px))
-    codes = _codes()
-    scan = ScanMatcher(models[0]).features(codes, BIN_M)
-    motion = ScanMatcher(models[0]).estimate(scan, scan).motion
-    assert math.isfinite(motion.length_m)
-
-
-def test_matches_are_told_in_the_scans_own_frames_wherever_pictures_show_them() -> None:
-    settings = ModelSettings(image=SETTINGS.image, temperature=3000.0, location_head=False, score_head=False)
-    codes = _codes()
-    estimator = ScanMatcher(_used_to(codes, settings), MatcherConfig(robust=False))
-    there = SE2(x_m=6 * PIXEL_M, y_m=-3 * PIXEL_M, yaw_rad=math.pi / 2)
-    source = estimator.features(np.roll(codes, -100, 0), BIN_M)
-    destination = estimator.features(codes, BIN_M, shown_at=there)
-    # Both show the world alike once the source, a quarter on, is shown a quarter further.
-    quarter = SE2(x_m=0.0, y_m=0.0, yaw_rad=math.pi / 2)
-    shown = estimator.shown(source, there @ quarter)
-    found = estimator.estimate(shown, destination).motion
-    assert_allclose([found.x_m, found.y_m, found.yaw_rad], [0, 0, math.pi / 2], atol=0.1 * PIXEL_M)
-    matches = estimator.matches(shown, estimator.searchable(destination), within_m=PIXEL_M)
-    off = torch.linalg.vector_norm(matches.destination_m - transform(quarter, matches.source_m), dim=-1)
-    assert float(off.median()) < PIXEL_M
-
-
-@pytest.mark.parametrize(
-    ("wrong", "told"),
-    [({"cells": 1}, "cells"), ({"cells": 400}, "cells"), ({"temperature": 0.0}, "temperature")],
-)
-def test_settings_that_make_no_model_are_refused(wrong: dict, told: str) -> None:
-    with pytest.raises(ValueError, match=f"{told} must"):
-        ModelSettings(**wrong)
+def test_descriptors_that_are_too_short_stay_short() -> None:
+    assert float(unit(torch.full((1, 248), 1e-9)).norm()) < 0.1

@@ -9,22 +9,31 @@ from numpy.testing import assert_allclose
 from torch import Tensor
 from torch.nn.functional import interpolate, max_pool2d
 
-from echoscape.learn.model.descriptors import dense_descriptors, descriptors_at, embedding, sampled, unit
-from echoscape.learn.model.keypoints import cell_centres, expected_places
+from echoscape.learn.model.descriptors import descriptors_at
+from echoscape.learn.model.keypoint_model import (
+    CHANNELS,
+    blurred_max_pool,
+    cell_centres,
+    dense_descriptors,
+    keypoint_locations,
+    sampled,
+    unit,
+)
+from echoscape.learn.model.model_settings import Pooling
 from echoscape.learn.model.ops.inference import upsampled_above
-from echoscape.learn.model.unet import CHANNELS, Decoder, Encoder, Pooling, blurred_max_pool
+from echoscape.learn.model.unet import FastDecoder, FastEncoder
 from tests.learn.maps import drawn_maps, drawn_points, oblong_maps
 
 
 def test_encoder_halves_and_doubles_as_the_paper_says() -> None:
-    maps = Encoder()(torch.rand(2, 1, 64, 64))
+    maps = FastEncoder()(torch.rand(2, 1, 64, 64))
     expected = [(2, count, 64 >> level, 64 >> level) for level, count in enumerate((8, 16, 32, 64, 128))]
     assert [tuple(each.shape) for each in maps] == expected
     assert sum(CHANNELS) == 248
 
 
 def test_decoder_ends_in_a_pointwise_convolution_without_activation() -> None:
-    decoder = Decoder().eval()
+    decoder = FastDecoder().eval()
     assert decoder.head.kernel_size == (1, 1)
     found = decoder(tuple(each - 0.5 for each in drawn_maps(32)))
     assert found.shape == (1, 1, 32, 32)
@@ -66,13 +75,8 @@ def test_sampling_a_ramp_gives_the_place() -> None:
     assert_allclose(sampled(torch.stack([rows, columns])[None], points), points, atol=1e-5)
 
 
-def test_the_embedding_is_the_highest_of_each_dense_descriptor() -> None:
-    maps = drawn_maps(64, batch=2)
-    assert_allclose(embedding(maps), dense_descriptors(maps).amax((2, 3)))
-
-
 def test_flat_logits_put_keypoints_in_the_middle_of_cells() -> None:
-    found = expected_places(torch.zeros(1, 1, 40, 40), 20)
+    found = keypoint_locations(torch.zeros(1, 1, 40, 40), 20)
     assert_allclose(found[0], cell_centres(40, 20, like=found))
     assert found[0, 0].tolist() == [0.5, 0.5]
     assert found[0, 21].tolist() == [2.5, 2.5]
@@ -86,13 +90,13 @@ def test_a_peak_is_found_to_a_fraction_of_a_pixel(place: tuple[float, float]) ->
     for r, wr in ((row, 1 - down), (row + 1, down)):
         for c, wc in ((column, 1 - right), (column + 1, right)):
             logits[r, c] = torch.tensor(wr * wc + 1e-12).log()
-    found = expected_places(logits[None, None], 2)
+    found = keypoint_locations(logits[None, None], 2)
     assert_allclose(found[0, 0], place, atol=1e-3)
 
 
 def test_cells_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match="multiple of 20"):
-        expected_places(torch.zeros(1, 1, 50, 50), 20)
+        keypoint_locations(torch.zeros(1, 1, 50, 50), 20)
 
 
 def test_resizing_goes_by_areas_everywhere() -> None:
@@ -123,7 +127,7 @@ def test_upsampling_beside_finer_maps_is_that_of_interpolation(shape: tuple[int,
 @pytest.mark.parametrize("pooling", ["max", "blurred"])
 def test_a_network_says_the_same_with_and_without_gradients(pooling: Pooling) -> None:
     torch.manual_seed(1)
-    encoder, decoder = Encoder(pooling).eval(), Decoder().eval()
+    encoder, decoder = FastEncoder(pooling).eval(), FastDecoder().eval()
     images = torch.rand(2, 1, 32, 48)
     asked = decoder(encoder(images))
     with torch.inference_mode():

@@ -8,12 +8,18 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.learn.model.descriptors import dense_descriptors, descriptors_at, unit
+from echoscape.learn.model.descriptors import descriptors_at
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
+from echoscape.learn.model.keypoint_model import (
+    Maps,
+    dense_descriptors,
+    match_weights,
+    matched_locations,
+    pixel_grid,
+    unit,
+)
 from echoscape.learn.model.local_matching import REACH, Near, match_local
-from echoscape.learn.model.softmax_matching import expected_matches, match_weights, pixel_grid
 from echoscape.learn.model.tiled_matching import Search, match_global
-from echoscape.learn.model.unet import Maps
 from tests.learn.maps import drawn_maps, drawn_points, oblong_maps
 
 SIZE = 48
@@ -26,6 +32,10 @@ def _case(dtype: torch.dtype, size: int = SIZE, batch: int = 1) -> tuple[Tensor,
     noise = torch.randn((batch, 9, 248), generator=torch.Generator().manual_seed(3), dtype=dtype)
     queries = unit(descriptors_at(maps, points) + 0.03 * noise)
     return queries.requires_grad_(), tuple(each.requires_grad_() for each in maps)
+
+
+def _plain(queries: Tensor, maps: Maps, *, temperature: float) -> Tensor:
+    return matched_locations(queries, unit(dense_descriptors(maps), dim=1), temperature=temperature)
 
 
 def _fast(
@@ -58,7 +68,7 @@ def _slopes(values: Tensor, inputs: list[Tensor]) -> list[Tensor]:
 def test_fast_matching_is_plain_matching_in_float64(size: int) -> None:
     queries, maps = _case(torch.float64, size, batch=2)
     plain, fast = (
-        expected_matches(queries, maps, temperature=T),
+        _plain(queries, maps, temperature=T),
         _places(queries, maps, temperature=T, dtype=torch.float64),
     )
     assert_allclose(fast.detach(), plain.detach(), atol=1e-9)
@@ -76,7 +86,7 @@ def test_fast_matching_in_lower_precision_stays_near(
 ) -> None:
     queries, maps = _case(torch.float32)
     exact = [each.detach().double().requires_grad_() for each in (queries, *maps)]
-    plain = expected_matches(exact[0], tuple(exact[1:]), temperature=T)
+    plain = _plain(exact[0], tuple(exact[1:]), temperature=T)
     fast = _places(queries, maps, temperature=T, dtype=dtype)
     assert fast.dtype == torch.float32
     assert_allclose(fast.detach(), plain.detach(), atol=places_px)
@@ -197,7 +207,7 @@ def test_gradients_by_descriptors_too_short_to_be_made_one_long_are_those_of_the
     queries, maps = _case(torch.float64)
     maps = tuple((3e-8 * each.detach()).requires_grad_() for each in maps)
     assert float(FeaturePyramid(maps=maps).lengths.detach().max()) == 1e-6
-    plain, fast = expected_matches(queries, maps, temperature=T), _places(queries, maps)
+    plain, fast = _plain(queries, maps, temperature=T), _places(queries, maps)
     assert_allclose(fast.detach(), plain.detach(), atol=1e-9)
     for mine, theirs in zip(_slopes(fast, list(maps)), _slopes(plain, list(maps)), strict=True):
         assert_allclose(mine, theirs, atol=1e-9 * float(theirs.abs().max()))
@@ -258,7 +268,7 @@ def test_far_off_similarities_neither_overflow_nor_vanish(sign: int) -> None:
     queries = sign * unit(dense_descriptors(maps)[:, :, 3, 3])[:, None]
     places = _places(queries, maps, temperature=3000.0)
     assert bool(places.isfinite().all())
-    expected = expected_matches(queries, maps, temperature=3000.0)
+    expected = _plain(queries, maps, temperature=3000.0)
     assert_allclose(places, expected, atol=0.05)
 
 
