@@ -191,7 +191,7 @@ def _received_above(axes: Axes, frame: Frame) -> None:
 
 
 def _classes_above(axes: Axes, frame: Frame) -> None:
-    _titled(axes, "Object classes", "truth of cells with a direct echo, as bright as received")
+    _titled(axes, "Object classes", "truth of direct echoes, as bright as received")
     names = frame.manifest["classes"]
     table = np.tile(np.array(to_rgb(_UNLABELLED), np.float32), (256, 1))
     for colour, members in CLASS_GROUPS.values():
@@ -294,7 +294,7 @@ def _components_polar(axes: Axes, frame: Frame) -> None:
     _titled(
         axes,
         "Cause of each cell",
-        "strongest contribution; ghost: more than one bounce, even where it falls on a true surface",
+        "strongest contribution; ghost: more than one bounce, even on a true surface",
     )
     table = np.array([to_rgb(COMPONENT_COLOURS[name]) for name in frame.manifest["components"]], np.float32)
     light = 0.2 + 0.9 * brightness(frame.scan.codes)
