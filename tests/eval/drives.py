@@ -17,7 +17,7 @@ from echoscape.sim.sensor.cts350x import CTS350X
 TINY = replace(CTS350X, azimuths=8, bins=16)
 START_US = 1_700_000_000_000_000
 TURN_US = 250_000
-LAST_ROW_US = 7 * 31_250
+LAST_AZIMUTH_US = 7 * 31_250
 BIN_M = 2 * CTS350X.bin_m
 
 Motion = tuple[float, float, float]
@@ -44,8 +44,8 @@ def write_drive(folder: Path, motions: Sequence[Motion], *, truth: bool = True) 
 def write_truth(folder: Path, motions: Sequence[Motion]) -> None:
     """Write the motion between the scans."""
     (folder / "gt").mkdir()
-    rows = [_row(number, motion) for number, motion in enumerate(motions)]
-    write_odometry(folder / "gt" / "radar_odometry.csv", rows)
+    motion_rows = [_row(number, motion) for number, motion in enumerate(motions)]
+    write_odometry(folder / "gt" / "radar_odometry.csv", motion_rows)
 
 
 def opened(folder: Path) -> ScanFolder:
@@ -75,7 +75,7 @@ class Knowing:
         number = self.start(scan)
         assert number == state + 1
         if state in self.failing:
-            raise PairFailed("told to")
+            raise PairFailed("asked to fail")
         x, y, yaw = self.motions[state]
         return PairMotion(x_m=x, y_m=y, yaw_rad=yaw), number
 
@@ -93,12 +93,12 @@ def scan_of(points_m: np.ndarray, motion: Motion, *, number: int = 0) -> PolarSc
     # The car's axes are those of the start, turned clockwise by yaw: forward (cos, sin), right (-sin, cos).
     forward = away @ [math.cos(yaw), math.sin(yaw)]
     right = away @ [-math.sin(yaw), math.cos(yaw)]
-    rows = np.arctan2(right, forward) / (2 * math.pi) * 400
+    azimuths = np.arctan2(right, forward) / (2 * math.pi) * 400
     bins = np.hypot(forward, right) / BIN_M - 0.5
     i, k = np.arange(400)[:, None, None], np.arange(1000)[None, :, None]
     codes = np.zeros((400, 1000))
-    for row, at in zip(rows, bins, strict=True):
-        off = (i[..., 0] - row + 200) % 400 - 200
+    for azimuth, at in zip(azimuths, bins, strict=True):
+        off = (i[..., 0] - azimuth + 200) % 400 - 200
         codes = np.maximum(codes, 100 - 8 * off**2 - 2 * (k[..., 0] - at) ** 2)
     return _scan(np.rint(codes).astype(np.uint8), number, BIN_M)
 
@@ -116,13 +116,13 @@ def write_points(folder: Path, motion: Motion) -> Path:
 
 
 def _scan(codes: np.ndarray, number: int, bin_m: float) -> PolarScan:
-    rows = len(codes)
-    step_us = LAST_ROW_US // (rows - 1)
+    azimuths = len(codes)
+    step_us = LAST_AZIMUTH_US // (azimuths - 1)
     return PolarScan(
         codes=codes,
-        timestamp_us=START_US + number * TURN_US + step_us * np.arange(rows, dtype=np.int64),
-        encoder=(13 + 5600 // rows * np.arange(rows)).astype(np.uint16),
-        valid=np.ones(rows, bool),
+        timestamp_us=START_US + number * TURN_US + step_us * np.arange(azimuths, dtype=np.int64),
+        encoder=(13 + 5600 // azimuths * np.arange(azimuths)).astype(np.uint16),
+        valid=np.ones(azimuths, bool),
         bin_m=bin_m,
     )
 
@@ -130,8 +130,8 @@ def _scan(codes: np.ndarray, number: int, bin_m: float) -> PolarScan:
 def _row(number: int, motion: Motion) -> OdometryRow:
     stamp = START_US + number * TURN_US
     return OdometryRow(
-        source_us=stamp + TURN_US + LAST_ROW_US // 2,
-        destination_us=stamp + LAST_ROW_US // 2,
+        source_us=stamp + TURN_US + LAST_AZIMUTH_US // 2,
+        destination_us=stamp + LAST_AZIMUTH_US // 2,
         x=motion[0],
         y=motion[1],
         z=0.0,

@@ -20,14 +20,14 @@ from tests.sim.scans import drawn_scan
 CONFIG = SimulationConfig(preset="empty", seed=5, scans=2)
 
 
-def _shown(row: int, range_m: float, view: str) -> CaseScans:
+def _shown(azimuth: int, range_m: float, view: str) -> CaseScans:
     """An artefact that makes one patch of a scan brighter, and a larger one elsewhere that does not count."""
     scan = drawn_scan()
     assert scan.truth is not None
     before = np.full((400, 3768), 20, np.uint8)
     after, component = before.copy(), np.zeros((400, 3768), np.uint8)
     column = round(range_m / scan.bin_m)
-    component[row - 2 : row + 3, column - 20 : column + 21] = 3
+    component[azimuth - 2 : azimuth + 3, column - 20 : column + 21] = 3
     after[component == 3] = 80
     if view == "above":
         after[300:340] = 80
@@ -41,21 +41,21 @@ def _shown(row: int, range_m: float, view: str) -> CaseScans:
 
 
 def test_the_part_seen_from_above_is_where_the_component_changes() -> None:
-    part = most_changed(_shown(row=100, range_m=50.0, view="above"))
-    # Row 100 of 400 looks right.
+    part = most_changed(_shown(azimuth=100, range_m=50.0, view="above"))
+    # Azimuth 100 of 400 looks right.
     assert abs(part.right_m - 50) < 3
     assert abs(part.forward_m) < 3
 
 
 def test_the_azimuths_that_change_are_in_the_middle_of_those_shown() -> None:
-    part = most_changed(_shown(row=10, range_m=50.0, view="polar"))
-    assert abs((10 - part.azimuth) % 400 - 60) < 3  # 120 rows, across the seam
+    part = most_changed(_shown(azimuth=10, range_m=50.0, view="polar"))
+    assert abs((10 - part.azimuth) % 400 - 60) < 3  # 120 azimuths, across the seam
     assert part.span_m == pytest.approx(60, abs=0.05)
 
 
 @pytest.mark.parametrize("view", ["above", "polar", "overlay"])
 def test_a_patch_that_appears_is_brighter_in_the_second_panel(view: str) -> None:
-    with Image.open(io.BytesIO(case_figure(_shown(row=100, range_m=50.0, view=view)))) as image:
+    with Image.open(io.BytesIO(case_figure(_shown(azimuth=100, range_m=50.0, view=view)))) as image:
         panels = np.asarray(image.convert("L")).astype(float)
     width = panels.shape[1] // 3
     off, on = panels[40:-50, :width], panels[40:-50, width : 2 * width]
@@ -63,7 +63,7 @@ def test_a_patch_that_appears_is_brighter_in_the_second_panel(view: str) -> None
 
 
 def test_an_artefact_that_changes_nothing_is_shown_around_the_radar() -> None:
-    shown = _shown(row=100, range_m=50.0, view="above")
+    shown = _shown(azimuth=100, range_m=50.0, view="above")
     part = most_changed(replace(shown, scans=(shown.scans[0], shown.scans[0])))
     assert (part.forward_m, part.right_m) == (0, 0)
 

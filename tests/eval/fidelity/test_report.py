@@ -205,11 +205,11 @@ def test_command_writes_table_numbers_and_plots(
     assert str(tiny.parent) not in (out / "fidelity.json").read_text()
     table = (out / "fidelity.md").read_text()
     assert "| noise code 0 percent |" in table
-    with Image.open(out / "fidelity.png") as picture:
-        assert picture.size == (1800, 1520)
-    told = capsys.readouterr().out
-    assert "spoke azimuths percent" in told
-    assert f"of {content['judged']} statistics pass" in told
+    with Image.open(out / "fidelity.png") as page:
+        assert page.size == (1800, 1520)
+    printed = capsys.readouterr().out
+    assert "spoke azimuths percent" in printed
+    assert f"of {content['judged']} statistics pass" in printed
 
 
 @pytest.mark.parametrize(

@@ -20,8 +20,8 @@ def _noise(rng: np.random.Generator, mean: float, shape: tuple[int, int]) -> np.
     return quantiser.codes(np.rint(rng.exponential(mean, shape)))
 
 
-def _dark(rows: int = 40) -> np.ndarray:
-    return np.zeros((rows, BINS), np.uint8)
+def _dark(azimuths: int = 40) -> np.ndarray:
+    return np.zeros((azimuths, BINS), np.uint8)
 
 
 # ---------------------------------------------------------------------- noise
@@ -58,7 +58,7 @@ def test_autocorrelation_of_smoothed_noise_is_that_of_its_window() -> None:
     rng = np.random.default_rng(5)
     field = rng.normal(size=(200, 4000)) + 1j * rng.normal(size=(200, 4000))
     window = np.ones(8)
-    smooth = np.array([np.convolve(row, window, "valid") for row in field])
+    smooth = np.array([np.convolve(azimuth, window, "valid") for azimuth in field])
     found = stats.range_correlation(np.abs(smooth) ** 2)
     expected = np.maximum(1 - np.arange(stats.LAGS + 1) / 8, 0) ** 2
     np.testing.assert_allclose(found, expected, atol=0.02)
@@ -145,20 +145,20 @@ def test_planted_strong_peaks_are_counted_across_the_seam() -> None:
     codes = _dark(400)
     codes[::20, 1000] = 85
     codes[::20, 3000] = 85  # beyond 100 m
-    codes[399, 1005] = 84  # beside the peak of row 0
+    codes[399, 1005] = 84  # beside the peak of azimuth 0
     assert stats.strong_peaks(codes, RANGE_M) == 20
 
 
 def _planted(range_db_per_bin2: float, azimuth_db_per_row2: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gaussian peaks of 60 dB in darkness, apart from each other; their rows and columns."""
+    """Gaussian peaks of 60 dB in darkness, apart from each other; their azimuths and columns."""
     level = np.full((400, BINS), -np.inf)
-    rows, columns = np.arange(20, 400, 40), np.arange(300, 3600, 300)
-    for row in rows:
+    azimuths, columns = np.arange(20, 400, 40), np.arange(300, 3600, 300)
+    for azimuth in azimuths:
         for column in columns:
             d_row, d_column = np.mgrid[-15:16, -100:101]
             shape = 60 - range_db_per_bin2 * d_column**2 - azimuth_db_per_row2 * d_row**2
-            level[row - 15 : row + 16, column - 100 : column + 101] = shape
-    peaks = np.array([(row, column) for row in rows for column in columns])
+            level[azimuth - 15 : azimuth + 16, column - 100 : column + 101] = shape
+    peaks = np.array([(azimuth, column) for azimuth in azimuths for column in columns])
     return np.clip(np.rint(2 * level), 0, 254).astype(np.uint8), peaks
 
 
@@ -189,7 +189,7 @@ def test_isolated_peaks_are_found_with_their_widths() -> None:
 
 def test_peaks_beside_stronger_ones_are_not_isolated() -> None:
     codes = _dark(400)
-    codes[50, 1000], codes[55, 1040] = 100, 90  # within 8 rows and 60 bins
+    codes[50, 1000], codes[55, 1040] = 100, 90  # within 8 azimuths and 60 bins
     codes[50, 1200] = 90
     codes[200, 1000], codes[200, 20] = 79, 100  # too weak; within 2.5 m
     assert spread.isolated_peaks(codes, RANGE_M, BIN_M).tolist() == [[50, 1000], [50, 1200]]

@@ -12,23 +12,23 @@ from echoscape.sim.datasets.files.navtech_png import write_png
 from tests.sim.scans import drawn_scan
 
 
-def _point(row: int, range_m: float):
+def _point(azimuth: int, range_m: float):
     codes = np.zeros((400, 3768), np.uint8)
     column = round(range_m / 0.0432)
-    codes[row - 1 : row + 2, column - 12 : column + 13] = 84
+    codes[azimuth - 1 : azimuth + 2, column - 12 : column + 13] = 84
     return replace(drawn_scan(), codes=codes)
 
 
-@pytest.mark.parametrize(("row", "right", "up"), [(100, 1, 0), (200, 0, -1), (300, -1, 0)])
-def test_a_point_lies_where_its_row_looks(row: int, right: int, up: int) -> None:
-    picture = scan_image(_point(row, 100.0), pixels=900)
+@pytest.mark.parametrize(("azimuth", "right", "up"), [(100, 1, 0), (200, 0, -1), (300, -1, 0)])
+def test_a_point_lies_where_its_azimuth_looks(azimuth: int, right: int, up: int) -> None:
+    image = scan_image(_point(azimuth, 100.0), pixels=900)
     # 2.25 pixels a metre: 900 of them for 400 m, and 162.8 m to both sides of the radar.
-    assert picture.shape == (2 * round(162.7776 * 2.25), 900)
-    v, u = np.nonzero(picture > 100)
-    middle = ((picture.shape[0] - 1) / 2, (picture.shape[1] - 1) / 2)
+    assert image.shape == (2 * round(162.7776 * 2.25), 900)
+    v, u = np.nonzero(image > 100)
+    middle = ((image.shape[0] - 1) / 2, (image.shape[1] - 1) / 2)
     assert u.mean() - middle[1] == pytest.approx(225 * right, abs=2)
     assert middle[0] - v.mean() == pytest.approx(225 * up, abs=2)
-    assert picture.max() == 255
+    assert image.max() == 255
 
 
 def test_the_scale_bar_is_50_m_long(tmp_path: Path) -> None:
@@ -37,10 +37,10 @@ def test_the_scale_bar_is_50_m_long(tmp_path: Path) -> None:
     scan = _point(100, 20.0)
     write_png(folder / f"{scan.timestamp_us[0]}.png", replace(scan, valid=np.ones(400, np.bool_)))
     write_scan_image(folder, tmp_path / "scan.png", pixels=800)
-    with Image.open(tmp_path / "scan.png") as image:
-        assert image.mode == "L"
-        picture = np.asarray(image)
-    line = picture[round(picture.shape[0] * 0.98)]
+    with Image.open(tmp_path / "scan.png") as file:
+        assert file.mode == "L"
+        image = np.asarray(file)
+    line = image[round(image.shape[0] * 0.98)]
     assert np.count_nonzero(line) == pytest.approx(100, abs=2)
     with pytest.raises(ValueError, match="scan must be between 0 and 0, got 1"):
         write_scan_image(folder, tmp_path / "no.png", scan=1)

@@ -1,4 +1,4 @@
-"""Colours of figures: components are told apart by every kind of colour vision, legends list what occurs."""
+"""Colours of figures: components differ for every kind of colour vision, legends list what occurs."""
 
 from itertools import combinations
 

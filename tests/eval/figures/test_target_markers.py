@@ -21,7 +21,7 @@ START = np.array([100.0, 50.0, 0.0, np.pi / 2])
 NEAR = json.loads(json.dumps(asdict(Target(kind="sphere", position_m=(20.0, 4.0, 1.5), size_m=(0.3,)))))
 SIDE = 555
 PLAN = np.s_[127 : 127 + SIDE, 1205 : 1205 + SIDE]
-"""The plan's pixels: the third picture in the upper part of the page."""
+"""The plan's pixels: the third image in the upper part of the page."""
 TARGETS = """
 [[target]]
 kind = "point"

@@ -34,7 +34,7 @@ def estimate(earlier: PolarScan, later: PolarScan) -> Motion:
 )
 def test_known_motions_come_out(motion: Motion) -> None:
     x, y, yaw = estimate(START, scan_of(landmarks(), motion))
-    # A quarter of a pixel of 0.4 m, and half a row of 0.9 deg.
+    # A quarter of a pixel of 0.4 m, and half an azimuth of 0.9 deg.
     assert math.hypot(x - motion[0], y - motion[1]) < 0.1
     assert abs(yaw - motion[2]) < math.radians(0.45)
 

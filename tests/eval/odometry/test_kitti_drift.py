@@ -64,7 +64,7 @@ def test_segment_ends_at_the_first_frame_beyond_its_length() -> None:
 
 
 def test_error_is_divided_by_the_nominal_length_and_all_segments_count_alike() -> None:
-    # An estimate that stands still is wrong by the whole way: L + 1 metres over L.
+    # An estimate that stands still is wrong by the whole path: L + 1 metres over L.
     found = kitti_drift(np.zeros((202, 3)), straight(201), step=1000)
     assert [row[0] for row in found.by_length] == [100.0, 200.0]
     assert found.translation_percent == pytest.approx((101 + 201 / 2) / 2)
@@ -139,7 +139,7 @@ def test_stretches_count_together() -> None:
 
 
 @pytest.mark.parametrize(
-    ("estimate", "truth", "step", "told"),
+    ("estimate", "truth", "step", "message"),
     [
         (straight(10), straight(11), 10, "estimate must have as many poses as truth, 12, got 11"),
         (straight(10) * math.nan, straight(10), 10, "estimate must be finite; pose 0"),
@@ -150,6 +150,8 @@ def test_stretches_count_together() -> None:
         (straight(10), matrices(straight(10))[:, :3], 10, r"truth must be poses .* got shape \(11, 3, 4\)"),
     ],
 )
-def test_bad_trajectories_are_refused(estimate: np.ndarray, truth: np.ndarray, step: int, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_bad_trajectories_are_refused(
+    estimate: np.ndarray, truth: np.ndarray, step: int, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
         kitti_drift(estimate, truth, step=step)

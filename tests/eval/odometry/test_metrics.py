@@ -13,7 +13,7 @@ from echoscape.eval.odometry.run import OdometryResult, run_odometry
 from echoscape.sim.datasets.layouts.layout import ScanRecord
 from echoscape.sim.datasets.layouts.mulran import MulRan
 from echoscape.sim.datasets.scan_folder import open_folder
-from tests.eval.drives import LAST_ROW_US, START_US, TINY, TURN_US, Knowing, opened, square, write_drive
+from tests.eval.drives import LAST_AZIMUTH_US, START_US, TINY, TURN_US, Knowing, opened, square, write_drive
 
 
 def run(folder: Path, method: Knowing) -> OdometryResult:
@@ -56,7 +56,7 @@ def test_failed_pair_is_recorded_and_counts_as_no_motion(tmp_path: Path) -> None
     assert (found["pairs"], found["failed_pairs"], found["pairs_with_truth"]) == (120, 1, 120)
     stamp = START_US + 10 * TURN_US
     assert found["failures"] == [
-        {"pair": 10, "earlier": stamp, "later": stamp + TURN_US, "reason": "told to"}
+        {"pair": 10, "earlier": stamp, "later": stamp + TURN_US, "reason": "asked to fail"}
     ]
     assert_allclose(odometry.poses[11], odometry.poses[10])
     assert pair_errors(odometry)[10, 0] == pytest.approx(2.0, abs=1e-6)
@@ -101,8 +101,8 @@ def test_other_layouts_have_the_same_truth(tmp_path: Path) -> None:
     layout.write_motion(tmp_path, records, TINY)
     turn, chord = math.pi / 10, 20 * math.sin(math.pi / 20)
     step = (chord * math.cos(turn / 2), -chord * math.sin(turn / 2), -turn)
-    sensor = replace(TINY, rotation_hz=1e6 / (LAST_ROW_US * 8 / 7))
+    sensor = replace(TINY, rotation_hz=1e6 / (LAST_AZIMUTH_US * 8 / 7))
     found = run_odometry(open_folder(tmp_path, layout="mulran", sensor=sensor), Knowing([step] * 5))
     assert odometry_metrics(found)["translation_error_m_max"] == pytest.approx(0, abs=1e-6)
     assert odometry_metrics(found)["rotation_error_deg_max"] == pytest.approx(0, abs=1e-6)
-    assert found.names[0] == (START_US + LAST_ROW_US) * 1000
+    assert found.names[0] == (START_US + LAST_AZIMUTH_US) * 1000

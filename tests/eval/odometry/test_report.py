@@ -10,7 +10,7 @@ from echoscape.eval.odometry.report import write_odometry_report
 from echoscape.eval.odometry.run import OdometryResult, run_odometry
 from echoscape.eval.odometry.trajectory_io import read_kitti, read_tum
 from echoscape.sim.datasets.layouts.oxford import read_odometry
-from tests.eval.drives import LAST_ROW_US, START_US, TURN_US, Knowing, opened, square, write_drive
+from tests.eval.drives import LAST_AZIMUTH_US, START_US, TURN_US, Knowing, opened, square, write_drive
 
 ALWAYS = {
     "metrics.json",
@@ -42,7 +42,7 @@ def test_files_agree_with_each_other_and_with_the_drive(tmp_path: Path) -> None:
     assert_allclose(poses[20, :3, 3], [20, 20, 0], atol=1e-9)  # right is y
     times, tum = read_tum(out / "trajectory.tum")
     assert_allclose(tum, poses, atol=1e-7)
-    assert times[1] == START_US + TURN_US + LAST_ROW_US // 2
+    assert times[1] == START_US + TURN_US + LAST_AZIMUTH_US // 2
     assert json.loads((out / "metrics.json").read_text())["pairs"] == 40
     assert len((out / "pairs.csv").read_text().splitlines()) == 41
 
@@ -62,7 +62,7 @@ def test_folder_without_truth_gets_everything_but_errors(tmp_path: Path) -> None
     assert found["kitti_drift"]["translation_percent"] is found["kitti_drift"]["rotation_deg_per_m"] is None
     line = (out / "pairs.csv").read_text().splitlines()[4].split(",")
     assert line[2:6] == ["1", "", "", ""]
-    assert line[-1] == '"told to"'
+    assert line[-1] == '"asked to fail"'
 
 
 def test_a_run_without_a_pose_draws_no_pair(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from echoscape.eval.odometry.report import write_odometry_report
 from echoscape.eval.odometry.run import OdometryResult, run_odometry
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.polar_scan import PolarScan
-from tests.eval.drives import LAST_ROW_US, START_US, TURN_US, Knowing, opened, square, write_drive
+from tests.eval.drives import LAST_AZIMUTH_US, START_US, TURN_US, Knowing, opened, square, write_drive
 
 
 def run(folder: Path, method: Knowing) -> OdometryResult:
@@ -39,7 +39,7 @@ def test_scan_that_cannot_be_read_fails_both_its_pairs_and_keeps_its_place(tmp_p
     odometry = run(folder, Knowing([(1.0, 0.0, 0.0)] * 5))
     assert odometry.failed.tolist() == [False, False, True, True, False]
     assert str(broken) in (odometry.pairs[2].failure or "")
-    assert odometry.middle_us[3] == START_US + 3 * TURN_US + LAST_ROW_US // 2
+    assert odometry.middle_us[3] == START_US + 3 * TURN_US + LAST_AZIMUTH_US // 2
 
 
 def test_each_unreadable_scan_is_named_in_its_failures(tmp_path: Path) -> None:

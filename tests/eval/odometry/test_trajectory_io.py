@@ -85,7 +85,7 @@ ROW = "1 0 0 0 0 1 0 0 0 0 1 0"
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("", "no poses in it"),
         (f"{ROW}\n1 2 3\n", "line 2 is no pose: 12 finite numbers, got '1 2 3'"),
@@ -95,13 +95,13 @@ ROW = "1 0 0 0 0 1 0 0 0 0 1 0"
         (ROW.replace("1", "-1", 1), "line 1 is no pose: its 3 x 3 part is no rotation"),
     ],
 )
-def test_files_that_hold_no_poses_are_refused_by_name(tmp_path: Path, text: str, told: str) -> None:
+def test_files_that_hold_no_poses_are_refused_by_name(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "poses.txt"
     path.write_text(text)
     with pytest.raises(DatasetError) as refused:
         read_kitti(path)
     assert str(path) in str(refused.value)
-    assert told in str(refused.value)
+    assert message in str(refused.value)
 
 
 def test_tum_files_that_hold_no_poses_are_refused(tmp_path: Path) -> None:

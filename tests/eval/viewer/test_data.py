@@ -21,9 +21,9 @@ from echoscape.sim.datasets.files.navtech_png import write_png
 from echoscape.sim.datasets.files.truth_npz import write_truth
 from echoscape.sim.datasets.polar_scan import Component
 from tests.eval.viewer.view_sets import (
+    BLOCK_AZIMUTHS,
     BLOCK_BINS,
     BLOCK_CODE,
-    BLOCK_ROWS,
     BOX_FORWARD_M,
     BOX_RIGHT_M,
     CAR,
@@ -54,12 +54,12 @@ def test_strongest_cells_are_the_largest_codes_and_where_they_stand() -> None:
     np.testing.assert_array_equal(bins, [[1, 5], [0, 3]])
 
 
-def test_shown_scan_is_the_scan_within_what_lossy_pictures_cost(tmp_path: Path) -> None:
+def test_shown_scan_is_the_scan_within_what_lossy_images_cost(tmp_path: Path) -> None:
     view = view_of(write_set(tmp_path / "set"), columns=250)
     shown = _pixels(view.scans[0].codes)[..., 0].astype(int)
     assert (view.columns, shown.shape) == (250, (400, 250))
     true = np.zeros((400, 250), int)
-    true[BLOCK_ROWS, BLOCK_BINS.start // 4 : BLOCK_BINS.stop // 4] = BLOCK_CODE
+    true[BLOCK_AZIMUTHS, BLOCK_BINS.start // 4 : BLOCK_BINS.stop // 4] = BLOCK_CODE
     assert np.abs(shown - true).mean() < 0.5
     assert np.abs(shown - true)[95:105, 114:126].max() <= 4
 
@@ -85,7 +85,7 @@ def test_box_of_a_standing_drive_is_where_it_was_put(tmp_path: Path) -> None:
     assert (box.heading_rad, box.yaw_rad) == pytest.approx((0.0, YAW), abs=0.001)
 
 
-def test_box_is_placed_for_the_row_that_met_it(tmp_path: Path) -> None:
+def test_box_is_placed_for_the_azimuth_that_sees_it(tmp_path: Path) -> None:
     """Car at 16 m/s along y; a box 30 m to its left at mid-scan is met at three quarters of the turn."""
     folder = write_set(tmp_path / "set", scans=1)
     scan = made_scan(0)
@@ -127,7 +127,7 @@ def test_without_truth_there_is_a_drive_that_begins_upwards_and_nothing_else(tmp
     assert shown.speed_m_s == pytest.approx(8.0)
 
 
-def test_row_marks_are_those_of_the_truth(tmp_path: Path) -> None:
+def test_azimuth_marks_are_those_of_the_truth(tmp_path: Path) -> None:
     shown = view_of(write_set(tmp_path / "set", scans=1)).scans[0]
     assert shown.clipped == [0, 1, 2, 3, 4]
     assert shown.obstacle_m == [12.0] * 100 + [None] * 300
@@ -167,13 +167,13 @@ def _numbers(view: View) -> list[int]:
 
 
 @pytest.mark.parametrize("setting", [{"scans": 0}, {"every": 0}, {"columns": -3}], ids=str)
-def test_arguments_out_of_range_are_told(tmp_path: Path, setting: dict[str, Any]) -> None:
+def test_arguments_out_of_range_are_refused(tmp_path: Path, setting: dict[str, Any]) -> None:
     ((name, value),) = setting.items()
     with pytest.raises(ValueError, match=f"{name} must be 1 or more, got {value}"):
         view_of(tmp_path, **setting)
 
 
-def test_missing_truth_of_one_scan_is_told_by_its_name(tmp_path: Path) -> None:
+def test_missing_truth_of_one_scan_is_named(tmp_path: Path) -> None:
     folder = write_set(tmp_path / "set")
     (folder / "truth" / f"{START_US + TURN_US}.npz").unlink()
     with pytest.raises(DatasetError, match=f"{START_US + TURN_US}.npz"):

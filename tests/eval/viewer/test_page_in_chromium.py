@@ -184,7 +184,7 @@ def test_box_is_drawn_where_it_stands(page: Chromium) -> None:
     assert page.value(f"document.querySelector({json.dumps(box)})") is None
 
 
-def test_north_up_turns_picture_and_boxes_alike(page: Chromium) -> None:
+def test_north_up_rotates_image_and_boxes_alike(page: Chromium) -> None:
     page.press("n")
     east = math.cos(YAW) * BOX_FORWARD_M + math.sin(YAW) * BOX_RIGHT_M
     north = math.sin(YAW) * BOX_FORWARD_M - math.cos(YAW) * BOX_RIGHT_M
@@ -196,7 +196,7 @@ def test_north_up_turns_picture_and_boxes_alike(page: Chromium) -> None:
     assert _colour(page, right, forward) == DARK
 
 
-def test_polar_picture_has_range_across_and_azimuth_down(page: Chromium) -> None:
+def test_polar_image_has_range_across_and_azimuth_down(page: Chromium) -> None:
     page.press("p")
     assert _bright(_colour_at(page, BLOCK[0] / REACH_M, 0.25))
     assert _colour_at(page, BLOCK[0] / REACH_M, 0.75) == DARK
@@ -215,7 +215,7 @@ def test_reach_zooms(page: Chromium) -> None:
     assert not _bright(_colour(page, *BLOCK))
 
 
-def test_hand_on_a_cell_or_a_box_reads_it(page: Chromium) -> None:
+def test_pointer_on_a_cell_or_a_box_shows_its_values(page: Chromium) -> None:
     page.press("b")
     left, top, side = page.value(
         "(b => [b.x, b.y, b.width])(document.getElementById('stage').getBoundingClientRect())"
@@ -234,7 +234,7 @@ def test_hand_on_a_cell_or_a_box_reads_it(page: Chromium) -> None:
     assert _text(page, "readout").startswith(f"car {BOX_INSTANCE} · 0.0 km/h · 4.5 × 1.8 × 1.4 m")
 
 
-def test_mark_on_the_plan_drives_along(page: Chromium) -> None:
+def test_mark_on_the_plan_follows_the_drive(page: Chromium) -> None:
     start = _middle(page, "#plan .here")
     width_m = page.value("document.getElementById('plan').viewBox.baseVal.width")
     plan_px, stage_px = page.value(
@@ -261,7 +261,7 @@ def test_click_on_the_drive_goes_there(page: Chromium) -> None:
     _wait_for_scan(page, 3)
 
 
-def test_row_marks_come_when_asked_for(page: Chromium) -> None:
+def test_azimuth_marks_appear_when_chosen(page: Chromium) -> None:
     assert page.value("document.querySelector('.obstacles').getAttribute('d')") == ""
     page.click_on("#obstacles")
     page.click_on("#clipped")

@@ -24,21 +24,21 @@ YAW = 3 * math.pi / 4
 CAR = CLASSES.index("car")
 BOX_INSTANCE = 7
 BOX_FORWARD_M, BOX_RIGHT_M = 20.0, 10.0
-BLOCK_ROWS, BLOCK_BINS, BLOCK_CODE = slice(90, 110), slice(440, 520), 100
+BLOCK_AZIMUTHS, BLOCK_BINS, BLOCK_CODE = slice(90, 110), slice(440, 520), 100
 """Echoes on the right, at 19.0 to 22.5 m, of every scan but those with an odd number."""
 
 
 def pose_at(number: int) -> np.ndarray:
     """The car's pose at scan `number`: north-west at 2 m a scan, 8 m/s."""
-    way = number * STEP_M
-    return np.array([10 + way * math.cos(YAW), 5 + way * math.sin(YAW), 0.0, YAW])
+    path_m = number * STEP_M
+    return np.array([10 + path_m * math.cos(YAW), 5 + path_m * math.sin(YAW), 0.0, YAW])
 
 
 def made_scan(number: int) -> PolarScan:
     """A scan from a standing car, with a block of direct echoes on the right and a box ahead on the right."""
     shape = (SENSOR.azimuths, SENSOR.bins)
     block = np.zeros(shape, bool)
-    block[BLOCK_ROWS, BLOCK_BINS] = number % 2 == 0
+    block[BLOCK_AZIMUTHS, BLOCK_BINS] = number % 2 == 0
     pose = pose_at(number)
     east = math.cos(YAW) * BOX_FORWARD_M + math.sin(YAW) * BOX_RIGHT_M
     north = math.sin(YAW) * BOX_FORWARD_M - math.cos(YAW) * BOX_RIGHT_M
