@@ -30,7 +30,7 @@ def words_of_config(kind: type[Any], path: Path) -> list[str]:
         The words, such as ["--scans=40", "--artefacts.ghosts=0.5"].
 
     Raises:
-        ConfigFileError: The file cannot be read or is no TOML, a key is no option, or a value has another
+        ConfigFileError: The file cannot be read or is not valid TOML, a key is no option, or a value has another
             type than the option.
     """
     try:
@@ -139,7 +139,7 @@ _KINDS: Mapping[Any, tuple[str, tuple[type, ...]]] = {
     bool: ("true or false", (bool,)),
     int: ("a whole number", (int,)),
     float: ("a number", (int, float)),
-    str: ("a text", (str,)),
+    str: ("a non-empty string", (str,)),
     Path: ("a path", (str,)),
 }
 """What messages call a type of option, and the types of TOML values that it takes."""

@@ -234,6 +234,7 @@ def bulb(offset_m: float, radius_m: float, *, side_radius_m: float = 9.0, step_m
     ramp = min(radius_m, side_radius_m) * 0.4
 
     def half(swing_rad: float) -> Line:
+        """Return the first half (P, 2) of the curve for a swing to the right of `swing_rad`."""
         dip, rise = side_radius_m * swing_rad, radius_m * (np.pi / 2 + swing_rad)  # lengths at full curvature
         ease, rush = min(ramp, dip / 2), min(ramp, rise / 2)
         knots = [0.0, ease, dip, dip + ease, dip + ease + rush, dip + ease + rise + rush / 2]

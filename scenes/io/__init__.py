@@ -1,1 +1,1 @@
-"""Scenes, drives and targets read from files, and scenes written to glTF."""
+"""Custom scenes, drives and targets read from files, and scenes written to glTF."""

@@ -1,6 +1,6 @@
-"""A town as glTF: one mesh a material, and prototypes stored once and placed by nodes of the scene graph.
+"""Exports a scene as glTF: one mesh per material, and prototypes stored once and placed by nodes.
 
-glTF has y upwards (Khronos glTF 2.0, section 3.4); the root node turns the town's z up to that.
+glTF has y up (Khronos glTF 2.0, section 3.4); the root node rotates the world's z up to it.
 """
 
 from pathlib import Path
@@ -27,11 +27,18 @@ COLOURS: dict[str, tuple[float, float, float]] = {
     "rubber": (0.08, 0.08, 0.08),
     "person": (0.80, 0.60, 0.50),
 }
-"""Base colours (linear red, green, blue) to look at, by material."""
+"""Base colour (linear red, green, blue) of each material, for display only."""
 
 
 def gltf_scene(scene: Scene) -> trimesh.Scene:
-    """Return the scene as a tree: a node a material, and a node for each part of each placement."""
+    """Convert a scene to a trimesh scene graph.
+
+    Args:
+        scene: The scene.
+
+    Returns:
+        One node per material, and one per part of each placement.
+    """
     tree = trimesh.Scene()
     upright = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
     tree.graph.update(frame_to="town", frame_from="world", matrix=upright)
@@ -54,7 +61,14 @@ def gltf_scene(scene: Scene) -> trimesh.Scene:
 
 
 def scene_to_glb(scene: Scene) -> bytes:
-    """Return the scene as binary glTF."""
+    """Convert a scene to binary glTF.
+
+    Args:
+        scene: The scene.
+
+    Returns:
+        Content of the .glb file.
+    """
     data = gltf_scene(scene).export(file_type="glb")
     if not isinstance(data, bytes):
         raise TypeError(f"expected bytes from the glb exporter, got {type(data).__name__}")
@@ -62,9 +76,15 @@ def scene_to_glb(scene: Scene) -> bytes:
 
 
 def is_complete_glb(path: Path) -> bool:
-    """Whether a file is there and as long as its header says; the rest is not read.
+    """Check whether a file exists and has the length that its header states; the rest is not read.
 
     Khronos glTF 2.0, section 4.4.2: "glTF", version and length of the whole file, little-endian 32 bits each.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Whether it is complete.
     """
     try:
         with path.open("rb") as file:
@@ -75,6 +95,7 @@ def is_complete_glb(path: Path) -> bool:
 
 
 def _geometry(mesh: Mesh, material: str) -> trimesh.Trimesh:
+    """Return a mesh with the colour of its material."""
     colour = [*COLOURS.get(material, (0.5, 0.5, 0.5)), 1.0]
     look = PBRMaterial(
         name=material,
@@ -91,7 +112,7 @@ def _geometry(mesh: Mesh, material: str) -> trimesh.Trimesh:
 
 
 def _pose(position: NDArray[np.float64], yaw_rad: float, scale: float) -> NDArray[np.float64]:
-    """Return the (4, 4) matrix that places a prototype."""
+    """Return the matrix (4, 4) that places a prototype."""
     cos, sin = scale * np.cos(yaw_rad), scale * np.sin(yaw_rad)
     x, y, z = position
     return np.array([[cos, -sin, 0, x], [sin, cos, 0, y], [0, 0, scale, z], [0, 0, 0, 1.0]])

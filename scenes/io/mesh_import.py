@@ -1,7 +1,7 @@
-"""Meshes of other people's scenes: glb, gltf, obj and ply through trimesh, checked, in metres with z up.
+"""Imports meshes from glb, gltf, obj and ply files through trimesh, checked, in metres with z up.
 
-A part is what has one name and one material; the parts of one node of a glTF scene, or of one object of an
-obj file, share their object's name. Meshes are taken as they stand: nothing is merged, welded or repaired.
+A part has one name and one material; the parts of a glTF node or of an obj object share the name of their
+object. Meshes are not modified: nothing is merged, welded or repaired.
 """
 
 import hashlib
@@ -25,16 +25,22 @@ from echoscape.scenes.io.wavefront import relabelled
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 UPS = ("z", "y")
 FURTHEST_M = 10_000.0
-"""Vertices must be nearer to the origin than this: they are stored to about a millimetre there."""
+"""Largest distance of a vertex from the origin [m]; float32 resolves about a millimetre there."""
 
 _log = logging.getLogger(__name__)
-_FLATTEST = 1e-9
-"""A triangle is degenerate when twice its area is below this share of its longest side squared."""
+_DEGENERATE = 1e-9
+"""A triangle is degenerate if twice its area is below this share of its longest side squared."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeshPart:
-    """One mesh of a file in the world: the object it belongs to, and the names that rules may know it by."""
+    """One mesh of a file, in the world.
+
+    Attributes:
+        owner: Name of the object to which it belongs.
+        names: All names by which rules can select it.
+        mesh: The mesh.
+    """
 
     owner: str
     names: tuple[str, ...]
@@ -42,15 +48,28 @@ class MeshPart:
 
 
 def default_up(path: Path) -> str:
-    """Return the axis that points up in files of this kind: y in glTF (2.0, section 3.4), z in others."""
+    """Return the default vertical axis of a file format: y in glTF (2.0, section 3.4), z in the others.
+
+    Args:
+        path: The file.
+
+    Returns:
+        "y" or "z".
+    """
     return "y" if path.suffix.lower() in (".glb", ".gltf") else "z"
 
 
 def mesh_sha256(path: Path) -> str:
-    """Return the SHA-256 of a mesh file, and of the buffers that a .gltf file refers to, one after another.
+    """Hash a mesh file and, one after the other, the buffers to which a .gltf file refers.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The SHA-256 in hexadecimal.
 
     Raises:
-        SceneError: the file, or one that it refers to, cannot be read.
+        SceneError: The format is not supported, or the file or one of its buffers cannot be read.
     """
     _check_suffix(path)
     digest = hashlib.sha256(_read(path))
@@ -61,11 +80,19 @@ def mesh_sha256(path: Path) -> str:
 
 
 def read_parts(path: Path, *, up: str, scale: float) -> list[MeshPart]:
-    """Read the parts of a mesh file by name, scaled and with z up; `up` is the axis that points up in it.
+    """Read the parts of a mesh file, scaled and with z up.
+
+    Args:
+        path: The file.
+        up: Axis that points up in the file, "y" or "z".
+        scale: Metres per unit of the file.
+
+    Returns:
+        The parts, sorted by name.
 
     Raises:
-        SceneError: it cannot be read, is cut short, holds no faces, or holds numbers that make no mesh; the
-            message names the file and the part.
+        SceneError: The file cannot be read, is truncated, has no faces or invalid numbers; the message names
+            the file and the part.
     """
     _check_suffix(path)
     turn = np.eye(4)
@@ -73,16 +100,18 @@ def read_parts(path: Path, *, up: str, scale: float) -> list[MeshPart]:
         turn[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
     turn[:3, :3] *= scale
     parts = list(_loaded(path, turn))
-    # Readers walk through nodes in no order of their own; instance ids must have one.
+    # trimesh returns nodes in no particular order; instance ids need one.
     return sorted(parts, key=lambda part: (part.owner, part.names, part.mesh.vertices.tobytes()))
 
 
 def _check_suffix(path: Path) -> None:
+    """Refuse formats that are not supported."""
     if path.suffix.lower() not in SUFFIXES:
         raise SceneError(f"{path}: meshes must be {', '.join(SUFFIXES)}, got {path.suffix or 'no suffix'}")
 
 
 def _read(path: Path) -> bytes:
+    """Return the bytes of a file."""
     try:
         return path.read_bytes()
     except OSError as error:
@@ -90,17 +119,17 @@ def _read(path: Path) -> bytes:
 
 
 def _buffers(path: Path) -> list[str]:
-    """Return the names of the files that hold the numbers of a .gltf file (glTF 2.0, section 5.10)."""
+    """Return the names of the files that hold the buffers of a .gltf file (glTF 2.0, section 5.10)."""
     try:
         buffers = json.loads(_read(path)).get("buffers", [])
         uris = [str(buffer.get("uri", "")) for buffer in buffers]
     except (ValueError, AttributeError) as error:
-        raise SceneError(f"{path}: not a whole glTF scene ({error})") from error
+        raise SceneError(f"{path}: not a valid glTF file ({error})") from error
     return [uri for uri in uris if uri and not uri.startswith("data:")]
 
 
 def _loaded(path: Path, turn: NDArray[np.float64]) -> Iterator[MeshPart]:
-    """Yield every mesh of the file, moved by its node's place and by `turn` (4, 4)."""
+    """Yield every mesh of the file, transformed by its node and by `turn` (4, 4)."""
     data, suffix = _read(path), path.suffix.lower()
     labels: list[tuple[str, ...]] = []
     if suffix == ".obj":
@@ -122,7 +151,7 @@ def _loaded(path: Path, turn: NDArray[np.float64]) -> Iterator[MeshPart]:
 
 
 def _scene(path: Path, data: bytes) -> trimesh.Scene:
-    """Let trimesh read a file; whatever it stumbles over becomes one line."""
+    """Load a file with trimesh; any exception becomes a one-line error."""
     suffix = path.suffix.lower()
     options: dict[str, Any] = {"split_objects": True} if suffix == ".obj" else {}
     try:
@@ -133,21 +162,22 @@ def _scene(path: Path, data: bytes) -> trimesh.Scene:
             process=False,
             **options,
         )
-    except Exception as error:  # readers of broken files raise whatever their parsers do
-        raise SceneError(f"{path}: broken or cut short ({type(error).__name__}: {_line(error)})") from error
+    except Exception as error:  # parsers of damaged files raise many kinds of errors
+        raise SceneError(f"{path}: damaged or truncated ({type(error).__name__}: {_line(error)})") from error
     if not scene.geometry:
-        raise SceneError(f"{path}: no mesh in it")
+        raise SceneError(f"{path}: contains no mesh")
     return scene
 
 
 def _line(error: Exception) -> str:
+    """Return the message of an error on one line."""
     return " ".join(str(error).split())[:200]
 
 
 def _gltf_names(scene: trimesh.Scene, node: str, geometry: str) -> tuple[str, tuple[str, ...]]:
     """Return the object of a glTF node, and its names: object, mesh and material.
 
-    A mesh of several materials comes as a node for each, below the one that has the name.
+    A mesh with several materials becomes one node per material, below the node with the name.
     """
     mesh = scene.geometry[geometry]
     owner = node
@@ -160,17 +190,17 @@ def _gltf_names(scene: trimesh.Scene, node: str, geometry: str) -> tuple[str, tu
 def _part(
     path: Path, owner: str, names: tuple[str, ...], geometry: object, matrix: NDArray[np.float64]
 ) -> MeshPart:
-    """Check one mesh, move it, and leave out its degenerate faces."""
+    """Check and transform one mesh, without its degenerate faces."""
     where = f"{path}: object {owner!r}"
     if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
         raise SceneError(f"{where} has no faces")
     vertices, faces = np.asarray(geometry.vertices, np.float64), np.asarray(geometry.faces, np.int64)
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise SceneError(
-            f"{where}: a face names vertex {faces.max()} where there are {len(vertices)}, counted from 0"
+            f"{where}: a face refers to vertex {faces.max()}, but there are {len(vertices)}, counted from 0"
         )
     if not np.isfinite(vertices).all() or not np.isfinite(matrix).all():
-        raise SceneError(f"{where}: a vertex or its place is not finite (NaN or infinite)")
+        raise SceneError(f"{where}: a vertex or its transform is not finite (NaN or infinite)")
     vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     reach_m = np.abs(vertices[faces]).max()
     if reach_m > FURTHEST_M:
@@ -188,11 +218,11 @@ def _part(
 
 
 def _proper(where: str, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which triangles (T, 3, 3) have an area; say how many have not."""
+    """Return which triangles (T, 3, 3) have an area; log how many have none."""
     sides = np.roll(corners, -1, axis=1) - corners
     longest = (sides**2).sum(axis=2).max(axis=1)
     doubled = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    proper = doubled > _FLATTEST * longest
+    proper = doubled > _DEGENERATE * longest
     if not proper.any():
         raise SceneError(f"{where} has only degenerate faces (no area)")
     if not proper.all():
@@ -201,7 +231,7 @@ def _proper(where: str, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _check_ply(path: Path, data: bytes, scene: trimesh.Scene) -> None:
-    """Refuse a ply file with fewer triangles than its header promises faces: it was cut short."""
+    """Refuse a truncated ply file, which has fewer triangles than its header declares faces."""
     promised = 0
     for line in data.split(b"end_header", 1)[0].splitlines():
         words = line.split()
@@ -209,4 +239,4 @@ def _check_ply(path: Path, data: bytes, scene: trimesh.Scene) -> None:
             promised = int(words[2])
     found = sum(len(getattr(mesh, "faces", ())) for mesh in scene.geometry.values())
     if found < promised:
-        raise SceneError(f"{path}: broken or cut short ({promised} faces promised, {found} found)")
+        raise SceneError(f"{path}: damaged or truncated ({promised} faces declared, {found} found)")

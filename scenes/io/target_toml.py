@@ -1,7 +1,7 @@
-"""Test targets from a small TOML file, in the world or as seen from the car at the beginning of its drive.
+"""Test targets from a TOML file, in the world or relative to the car at the start of its drive.
 
-Keys are those of docs/scenes.md. In the frame "start" positions are forward, right, up and headings clockwise
-from straight ahead, as everywhere in the car's frame (docs/conventions.md).
+The keys are documented in docs/scenes.md. In the frame "start" positions are forward, right, up and headings
+clockwise from straight ahead, as always in the frame of the car (docs/conventions.md).
 """
 
 import math
@@ -23,16 +23,24 @@ _POSITION = {"world": ("x", "y", "z"), "start": ("forward", "right", "up")}
 
 @dataclass(frozen=True, kw_only=True)
 class FromStart:
-    """A target placed as seen from the car when its drive begins.
+    """A target given relative to the car at the start of its drive.
 
-    The target's position_m is forward, right, up [m] from the ground below the car's middle, its heading_rad
-    clockwise from straight ahead.
+    Attributes:
+        target: The target; its position_m is forward, right, up [m] from the ground below the car's centre,
+            its heading_rad clockwise from straight ahead.
     """
 
     target: Target
 
     def placed(self, start: NDArray[np.float64]) -> Target:
-        """Return the target in the world, `start` (4,) being x, y, z [m] and yaw [rad] of the car."""
+        """Convert the target to world coordinates.
+
+        Args:
+            start: x, y, z [m] and yaw [rad] of the car at the start (4,).
+
+        Returns:
+            The target in the world.
+        """
         x, y, z, yaw = (float(value) for value in start)
         forward, right, up = self.target.position_m
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -41,48 +49,72 @@ class FromStart:
 
 
 AnyTarget = Target | FromStart
-"""A target in the world, or as seen from the drive's start."""
+"""A target in the world or relative to the start of the drive."""
 
 
 def placed_targets(targets: Sequence[AnyTarget], *, start: NDArray[np.float64]) -> tuple[Target, ...]:
-    """Return `targets` in the world; `start` (4,) is the car's x, y, z [m] and yaw [rad] at 0 s."""
+    """Convert targets to world coordinates.
+
+    Args:
+        targets: Targets in either frame.
+        start: x, y, z [m] and yaw [rad] of the car at 0 s (4,).
+
+    Returns:
+        The targets in the world.
+    """
     return tuple(target.placed(start) if isinstance(target, FromStart) else target for target in targets)
 
 
 def read_targets(path: str | Path) -> tuple[AnyTarget, ...]:
     """Read the targets of a TOML file.
 
+    Args:
+        path: The file.
+
+    Returns:
+        Its targets.
+
     Raises:
-        SceneError: it cannot be read, has no target, or one of them is none; the message names the file, the
+        SceneError: The file cannot be read, has no target or an invalid one; the message names the file, the
             number of the target and the key.
     """
     table = read_toml(Path(path))
     targets = targets_of(table)
-    table.finish()
+    table.reject_unknown_keys()
     if not targets:
-        raise table.fault("no target in it; each is a table [[target]]")
+        raise table.error("contains no [[target]]")
     return targets
 
 
 def targets_of(table: Table) -> tuple[AnyTarget, ...]:
-    """Return what the `[[target]]` entries of a table describe; for errors see `read_targets`."""
+    """Read the `[[target]]` entries of a table.
+
+    Args:
+        table: The table.
+
+    Returns:
+        Its targets; may be none.
+
+    Raises:
+        SceneError: A target is invalid.
+    """
     return tuple(_target(entry) for entry in table.tables("target"))
 
 
 def _target(entry: Table) -> AnyTarget:
-    """Return the target that one `[[target]]` describes."""
-    kind = entry.text("kind", allowed=tuple(KINDS))
-    frame = entry.text("frame", "world", allowed=FRAMES)
+    """Read one `[[target]]` entry."""
+    kind = entry.string("kind", allowed=tuple(KINDS))
+    frame = entry.string("frame", "world", allowed=FRAMES)
     position = entry.numbers("position_m", _POSITION[frame])
     heading = math.radians(entry.number("heading_deg", 0.0))
     elevation = math.radians(entry.number("elevation_deg", 0.0)) if KINDS[kind].flat else 0.0
     sizes = KINDS[kind].sizes
     size = entry.numbers("size_m", sizes) if sizes else ()
-    material = entry.text("material", "metal", allowed=MATERIAL_NAMES) if kind != "point" else "metal"
+    material = entry.string("material", "metal", allowed=MATERIAL_NAMES) if kind != "point" else "metal"
     rcs_dbsm = entry.number("rcs_dbsm", 0.0) if kind == "point" else 0.0
     if abs(rcs_dbsm) > _MOST_DBSM:
-        raise entry.fault(f"rcs_dbsm must be within -{_MOST_DBSM:g} and {_MOST_DBSM:g}, got {rcs_dbsm:g}")
-    entry.finish()
+        raise entry.error(f"rcs_dbsm must be within -{_MOST_DBSM:g} and {_MOST_DBSM:g}, got {rcs_dbsm:g}")
+    entry.reject_unknown_keys()
     try:
         target = Target(
             kind=kind,
@@ -94,5 +126,5 @@ def _target(entry: Table) -> AnyTarget:
             rcs_m2=10 ** (rcs_dbsm / 10),
         )
     except ValueError as error:
-        raise entry.fault(str(error)) from error
+        raise entry.error(str(error)) from error
     return FromStart(target=target) if frame == "start" else target

@@ -1,7 +1,8 @@
-"""Drives that a user gives: poses on a clock, or way-points at one speed; both smooth between what is given.
+"""Custom drives: timed poses, or way-points at constant speed, both interpolated smoothly.
 
-Poses are joined by modified Akima splines, which keep a car that stands standing (scipy's "makima");
-way-points by a natural cubic spline over the chord, driven along at constant speed and looked along.
+Poses are interpolated by modified Akima splines, with which a stationary car stays stationary (scipy's
+"makima"); way-points by a natural cubic spline over chord length, driven at constant speed with the heading
+along the curve.
 """
 
 from dataclasses import dataclass
@@ -17,21 +18,24 @@ from echoscape.scenes.io.strict_toml import SceneError, Table
 POSE = ("t_s", "x_m", "y_m", "heading_deg")
 FASTEST_MPS = 100.0
 HIGHEST_M = 10_000.0
-"""The ground below the car is at most so far above or below 0, as far as vertices of meshes may reach."""
+"""Largest height of the ground below the car above or below 0 [m], that of mesh vertices."""
 
 _KEYS = ("poses", "waypoints", "speed_mps", "z_m")
 
 _KNOT_S = 0.05
-_FINENESS_M = 0.05
-_NEAREST_M = 0.01
+_SAMPLE_M = 0.05
+_MIN_DISTANCE_M = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
 class DrivePlan:
-    """What a drive is given as: poses, rows of t [s], x, y [m], yaw [deg], or way-points, rows of x, y [m].
+    """Description of a drive: poses or way-points.
 
-    yaw is counter-clockwise from world x; speed_mps is that along the way-points, 0 where there are poses;
-    z_m the height of the ground below the car, between -HIGHEST_M and HIGHEST_M.
+    Attributes:
+        poses: Rows of t [s], x, y [m] and yaw [deg], counter-clockwise from world x.
+        waypoints: Rows of x, y [m].
+        speed_mps: Speed along the way-points [m/s], 0 with poses.
+        z_m: Height of the ground below the car [m], between -HIGHEST_M and HIGHEST_M.
     """
 
     poses: tuple[tuple[float, ...], ...] = ()
@@ -40,37 +44,59 @@ class DrivePlan:
     z_m: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse a height at which there is no ground."""
+        """Check the height.
+
+        Raises:
+            ValueError: It is out of range.
+        """
         if not abs(self.z_m) <= HIGHEST_M:
             raise ValueError(_height_refused(self.z_m))
 
 
 @dataclass(frozen=True, kw_only=True)
 class UserDrive:
-    """A drive that was given: where the car is at any time from 0 to duration_s."""
+    """A custom drive.
+
+    Attributes:
+        trajectory: Pose of the car over time.
+        duration_s: Duration [s].
+    """
 
     trajectory: Trajectory
     duration_s: float
 
     def pose(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (..., 4) x, y, z [m] and yaw [rad] of the car's middle at `time_s` (...) [s]."""
+        """Interpolate the pose of the car's centre on the ground.
+
+        Args:
+            time_s: Times (...) [s].
+
+        Returns:
+            x, y, z [m] and yaw [rad] (..., 4).
+        """
         return self.trajectory.pose(time_s)
 
 
 def read_drive_plan(table: Table) -> DrivePlan:
-    """Return the plan that a `[drive]` table describes.
+    """Read a `[drive]` table.
+
+    Args:
+        table: The table.
+
+    Returns:
+        The plan.
 
     Raises:
-        SceneError: it has both poses and way-points or neither, too few of them, times that do not grow from
-            0, points that coincide, a speed or a height out of range, or a key that no drive has.
+        SceneError: It has both poses and way-points or neither, too few of them, times that do not increase
+            from 0, coincident points, a speed or height out of range, or an unknown key.
     """
-    table.expect(_KEYS)
+    table.allow_only(_KEYS)
     poses, waypoints = "poses" in table, "waypoints" in table
     if poses == waypoints:
-        raise table.fault(f"one of poses and waypoints must be given, got {'both' if poses else 'neither'}")
+        raise table.error(f"one of poses and waypoints must be given, got {'both' if poses else 'neither'}")
     z_m = table.number("z_m", 0.0)
     if abs(z_m) > HIGHEST_M:
-        raise table.fault(_height_refused(z_m))
+        raise table.error(_height_refused(z_m))
     if poses:
         plan = DrivePlan(poses=table.rows("poses", POSE), z_m=z_m)
         _check_poses(table, np.array(plan.poses).reshape(-1, 4))
@@ -78,52 +104,68 @@ def read_drive_plan(table: Table) -> DrivePlan:
         speed_mps = table.number("speed_mps")
         plan = DrivePlan(waypoints=table.rows("waypoints", ("x_m", "y_m")), speed_mps=speed_mps, z_m=z_m)
         _check_waypoints(table, np.array(plan.waypoints).reshape(-1, 2), speed_mps)
-    table.finish()
+    table.reject_unknown_keys()
     return plan
 
 
 def make_user_drive(plan: DrivePlan) -> UserDrive:
-    """Return the drive of a plan."""
+    """Make the drive of a plan.
+
+    Args:
+        plan: The plan.
+
+    Returns:
+        The drive.
+
+    Raises:
+        SceneError: The curve through the way-points reverses on the spot.
+    """
     track = _through_poses(plan) if plan.poses else _along_waypoints(plan)
     return UserDrive(trajectory=track, duration_s=float(track.time_s[-1]))
 
 
 def _height_refused(z_m: float) -> str:
+    """Return the message about a height out of range."""
     return f"z_m must be between -{HIGHEST_M:.0f} and {HIGHEST_M:.0f}, got {z_m:.6g}"
 
 
 def _check_poses(table: Table, poses: NDArray[np.float64]) -> None:
+    """Check number, times and speeds of poses."""
     if len(poses) < 2:
-        raise table.fault(f"poses must be two or more, got {len(poses)}")
+        raise table.error(f"poses must be two or more, got {len(poses)}")
     time = poses[:, 0]
     if time[0] != 0:
-        raise table.fault(f"poses must begin at t_s = 0, got {time[0]:g}")
+        raise table.error(f"poses must begin at t_s = 0, got {time[0]:g}")
     late = np.flatnonzero(np.diff(time) <= 0)
     if len(late):
-        raise table.fault(
+        raise table.error(
             f"poses must be in order of time; t_s of row {late[0] + 2} is {time[late[0] + 1]:g} "
             f"after {time[late[0]]:g}"
         )
     speed = np.hypot(*np.diff(poses[:, 1:3], axis=0).T) / np.diff(time)
     if speed.max() > FASTEST_MPS:
         row = int(speed.argmax()) + 2
-        raise table.fault(
+        raise table.error(
             f"poses must be driven at {FASTEST_MPS:g} m/s or less; row {row} is reached at "
             f"{speed.max():.0f} m/s"
         )
 
 
 def _check_waypoints(table: Table, points: NDArray[np.float64], speed_mps: float) -> None:
+    """Check number, distances and speed of way-points."""
     if len(points) < 2:
-        raise table.fault(f"waypoints must be two or more, got {len(points)}")
+        raise table.error(f"waypoints must be two or more, got {len(points)}")
     if not 0 < speed_mps <= FASTEST_MPS:
-        raise table.fault(f"speed_mps must be above 0 and at most {FASTEST_MPS:g}, got {speed_mps:g}")
-    near = np.flatnonzero(np.hypot(*np.diff(points, axis=0).T) < _NEAREST_M)
+        raise table.error(f"speed_mps must be above 0 and at most {FASTEST_MPS:g}, got {speed_mps:g}")
+    near = np.flatnonzero(np.hypot(*np.diff(points, axis=0).T) < _MIN_DISTANCE_M)
     if len(near):
-        raise table.fault(f"waypoints must be {_NEAREST_M:g} m apart or more; row {near[0] + 2} is nearer")
+        raise table.error(
+            f"waypoints must be {_MIN_DISTANCE_M:g} m apart or more; row {near[0] + 2} is nearer"
+        )
 
 
 def _through_poses(plan: DrivePlan) -> Trajectory:
+    """Return the trajectory through poses."""
     time, x, y, heading = np.array(plan.poses).T
     z = np.full_like(time, plan.z_m)
     state = np.stack([x, y, z, np.unwrap(np.deg2rad(heading))], axis=-1)
@@ -132,11 +174,11 @@ def _through_poses(plan: DrivePlan) -> Trajectory:
 
 
 def _along_waypoints(plan: DrivePlan) -> Trajectory:
-    """Return the motion along a spline through the way-points: position, heading and their rates."""
+    """Return the trajectory along a spline through way-points."""
     points = np.array(plan.waypoints)
     chord = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     curve = CubicSpline(chord, points, bc_type="natural")
-    fine = np.linspace(0.0, chord[-1], int(np.ceil(chord[-1] / _FINENESS_M)) + 2)
+    fine = np.linspace(0.0, chord[-1], int(np.ceil(chord[-1] / _SAMPLE_M)) + 2)
     pace = np.hypot(*curve(fine, nu=1).T)
     if pace.min() < 1e-3:
         raise SceneError("waypoints: the path through them turns back on the spot; give points on the turn")

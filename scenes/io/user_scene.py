@@ -1,7 +1,7 @@
-"""Scenes of one's own: a TOML file that names a mesh, says what its objects are made of, and gives a drive.
+"""Custom scenes: a TOML file with a mesh, materials and classes of its objects, and a drive.
 
-Keys are those of docs/scenes.md. What the file says and the hash of the mesh decide the scene; where the
-files lie does not.
+The keys are documented in docs/scenes.md. The scene depends on the content of the file and the hash of the
+mesh, but not on the paths of the files.
 """
 
 from collections.abc import Sequence
@@ -23,13 +23,20 @@ from echoscape.scenes.town.placement import SceneBuilder
 CLASS_NAMES = CLASSES[1:]
 """Classes that an object may have: all but "none"."""
 
-_TOLD = 5
+_MOST_NAMED = 5
 _MARGIN_M = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectRule:
-    """What the objects whose name fits `pattern` (fnmatch, capitals count) are; `skip` leaves them out."""
+    """Material and class of the objects whose name matches a pattern.
+
+    Attributes:
+        pattern: Case-sensitive pattern (fnmatch).
+        material: Name of the material.
+        class_name: Name of the class.
+        skip: Whether the objects are left out.
+    """
 
     pattern: str
     material: str = ""
@@ -39,10 +46,17 @@ class ObjectRule:
 
 @dataclass(frozen=True, kw_only=True)
 class UserScene:
-    """A scene of one's own, as its TOML file describes it.
+    """Description of a custom scene, as read from its TOML file.
 
-    folder: where the mesh `file` lies; sha256: of the mesh as it was when the description was read; up: the
-    axis that points up in it; scale: metres a unit; rules: the first that fits an object counts.
+    Attributes:
+        folder: Folder of the mesh.
+        file: Name of the mesh file.
+        sha256: Hash of the mesh when the description was read.
+        up: Axis that points up in the mesh, "y" or "z".
+        scale: Metres per unit of the mesh.
+        rules: Rules for the objects; the first that matches applies.
+        drive: Plan of the drive.
+        targets: Test targets.
     """
 
     folder: Path
@@ -56,13 +70,19 @@ class UserScene:
 
     @property
     def mesh_path(self) -> Path:
-        """The mesh file."""
+        """Path of the mesh file."""
         return self.folder / self.file
 
 
 @dataclass(frozen=True, kw_only=True)
 class BuiltUserScene:
-    """A scene of one's own, built: `names[i]` is the name of the object with instance id i."""
+    """A custom scene with its mesh.
+
+    Attributes:
+        scene: The scene.
+        drive: The drive.
+        names: Name of the object of each instance id.
+    """
 
     scene: Scene
     drive: UserDrive
@@ -70,39 +90,51 @@ class BuiltUserScene:
 
 
 def read_user_scene(path: str | Path) -> UserScene:
-    """Read the description of a scene and hash its mesh, which is not looked into yet.
+    """Read the description of a custom scene and hash its mesh, without parsing the mesh.
+
+    Args:
+        path: The TOML file.
+
+    Returns:
+        The description.
 
     Raises:
-        SceneError: a file cannot be read, or a key is missing, unknown or wrong; the message names it.
+        SceneError: A file cannot be read, or a key is missing, unknown or invalid; the message names it.
     """
     path = Path(path)
     table = read_toml(path)
-    mesh = path.parent / table.text("file")
-    rules = [_rule(entry, entry.text("name")) for entry in table.tables("object")]
+    mesh = path.parent / table.string("file")
+    rules = [_rule(entry, entry.string("name")) for entry in table.tables("object")]
     if "default" in table:
         rules.append(_rule(table.table("default"), "*"))
     scale = table.number("scale", 1.0)
     if scale <= 0:
-        raise table.fault(f"scale must be above 0, got {scale:g}")
+        raise table.error(f"scale must be above 0, got {scale:g}")
     scene = UserScene(
         folder=mesh.parent.absolute(),
         file=mesh.name,
         sha256=mesh_sha256(mesh),
-        up=table.text("up", default_up(mesh), allowed=UPS),
+        up=table.string("up", default_up(mesh), allowed=UPS),
         scale=scale,
         rules=tuple(rules),
         drive=read_drive_plan(table.table("drive")),
         targets=targets_of(table),
     )
-    table.finish()
+    table.reject_unknown_keys()
     return scene
 
 
 def build_user_scene(scene: UserScene) -> BuiltUserScene:
-    """Read the mesh of a scene and give every object its instance, material and class.
+    """Read the mesh of a custom scene and assign instance ids, materials and classes.
+
+    Args:
+        scene: Description of the scene.
+
+    Returns:
+        The scene and its drive.
 
     Raises:
-        SceneError: the mesh is broken or is not the one that was described, or no rule fits an object.
+        SceneError: The mesh is invalid or has changed since it was described, or no rule matches an object.
     """
     if mesh_sha256(scene.mesh_path) != scene.sha256:
         raise SceneError(f"{scene.mesh_path}: changed since its description was read")
@@ -127,38 +159,38 @@ def build_user_scene(scene: UserScene) -> BuiltUserScene:
 
 
 def _rule(entry: Table, pattern: str) -> ObjectRule:
-    """Return what an `[[object]]` or the `[default]` says."""
-    skip = entry.flag("skip")
+    """Read an `[[object]]` or `[default]` entry."""
+    skip = entry.boolean("skip")
     given = "material" in entry, "class" in entry
     if skip and any(given):
-        raise entry.fault("skip leaves no material and no class to give")
+        raise entry.error("skip excludes material and class")
     rule = ObjectRule(
         pattern=pattern,
-        material="" if skip else entry.text("material", allowed=MATERIAL_NAMES),
-        class_name="" if skip else entry.text("class", allowed=CLASS_NAMES),
+        material="" if skip else entry.string("material", allowed=MATERIAL_NAMES),
+        class_name="" if skip else entry.string("class", allowed=CLASS_NAMES),
         skip=skip,
     )
-    entry.finish()
+    entry.reject_unknown_keys()
     return rule
 
 
 def _objects(scene: UserScene, parts: Sequence[MeshPart]) -> dict[tuple[str, str], dict[str, list[Mesh]]]:
-    """Return the meshes of every object by material; objects are told apart by name and class."""
+    """Return the meshes of each object by material; objects are distinguished by name and class."""
     objects: dict[tuple[str, str], dict[str, list[Mesh]]] = {}
-    nameless = []
+    unmatched = []
     for part in parts:
         rule = next((rule for rule in scene.rules if _fits(rule, part)), None)
         if rule is None:
-            nameless.append(part.owner)
+            unmatched.append(part.owner)
         elif not rule.skip:
             meshes = objects.setdefault((part.owner, rule.class_name), {})
             meshes.setdefault(rule.material, []).append(part.mesh)
-    if nameless:
-        told = list(dict.fromkeys(nameless))
-        more = f" and {len(told) - _TOLD} more" if len(told) > _TOLD else ""
+    if unmatched:
+        names = list(dict.fromkeys(unmatched))
+        more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
         raise SceneError(
             f"{scene.mesh_path}: no [[object]] gives a material and a class to "
-            f"{', '.join(map(repr, told[:_TOLD]))}{more}"
+            f"{', '.join(map(repr, names[:_MOST_NAMED]))}{more}"
         )
     if not objects:
         raise SceneError(f"{scene.mesh_path}: every object is skipped")
@@ -166,10 +198,12 @@ def _objects(scene: UserScene, parts: Sequence[MeshPart]) -> dict[tuple[str, str
 
 
 def _fits(rule: ObjectRule, part: MeshPart) -> bool:
+    """Return whether a rule matches any name of a part."""
     return any(fnmatchcase(name, rule.pattern) for name in part.names)
 
 
 def _joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Concatenate meshes."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     return Mesh(
         vertices=np.concatenate([mesh.vertices for mesh in meshes]),
@@ -180,9 +214,9 @@ def _joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def _bounds(static: dict[str, StaticMesh], drive: UserDrive) -> tuple[float, float, float, float]:
-    """Return x0, y0, x1, y1 [m] of the meshes and of the drive with some room round it."""
-    way = drive.trajectory.state[:, :2]
-    corners = [way - _MARGIN_M, way + _MARGIN_M, *(mesh.vertices[:, :2] for mesh in static.values())]
+    """Return the extent x0, y0, x1, y1 [m] of the meshes and of the drive with a margin."""
+    path = drive.trajectory.state[:, :2]
+    corners = [path - _MARGIN_M, path + _MARGIN_M, *(mesh.vertices[:, :2] for mesh in static.values())]
     low, high = (np.array([edge(corner, axis=0) for corner in corners]) for edge in (np.min, np.max))
     (x0, y0), (x1, y1) = low.min(axis=0), high.max(axis=0)
     return float(x0), float(y0), float(x1), float(y1)

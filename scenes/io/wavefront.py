@@ -1,7 +1,7 @@
-"""Wavefront obj files made plain for readers: a part for every object, group and material, simple indices.
+"""Rewrites Wavefront obj files for trimesh: one part per object, group and material, with positive indices.
 
-Format: Wavefront, Advanced Visualizer Manual, Appendix B1 (Object Files). Only what makes a shape is kept:
-vertices, faces, and the names they stand under.
+Format: Wavefront, Advanced Visualizer Manual, Appendix B1 (Object Files). Only vertices, faces and names are
+kept.
 """
 
 from pathlib import Path
@@ -10,15 +10,25 @@ from echoscape.scenes.io.strict_toml import SceneError
 
 
 def relabelled(path: Path, data: bytes) -> tuple[bytes, list[tuple[str, ...]]]:
-    """Return an obj file with a part for every object, group and material, and the names of each part.
+    """Rewrite an obj file with one part per object, group and material.
 
-    Names are told apart here since readers merge what has one material. Indices that count back from the last
-    vertex become plain ones; those that point nowhere are refused.
+    Readers merge parts of the same material, so each gets a name of its own here. Negative indices, which
+    count back from the last vertex, become positive ones.
+
+    Args:
+        path: The file, for messages.
+        data: Its content.
+
+    Returns:
+        The rewritten content, and the names (object, group, material) of each part.
+
+    Raises:
+        SceneError: It is not text, has no faces, or has an invalid vertex or index.
     """
     try:
         text = data.decode("utf-8").replace("\\\n", " ").replace("\\\r\n", " ")
     except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: no text, as obj files are") from error
+        raise SceneError(f"{path}: not a text file") from error
     lines = [line.split() for line in text.splitlines()]
     total = sum(words[:1] == ["v"] for words in lines)
     state = {"o": "", "g": "", "usemtl": ""}
@@ -41,13 +51,13 @@ def relabelled(path: Path, data: bytes) -> tuple[bytes, list[tuple[str, ...]]]:
                 changed = False
             out.append(f"f {_corners(f'{path}: line {number}', words[1:], seen=seen, total=total)}")
     if not parts:
-        raise SceneError(f"{path}: no faces in it")
+        raise SceneError(f"{path}: contains no faces")
     labels = [tuple(dict.fromkeys(name for name in names if name)) for names in parts]
     return "\n".join([*out, ""]).encode(), labels
 
 
 def _numbers(where: str, words: list[str]) -> str:
-    """Return x, y, z of a vertex as they stand, once they are seen to be three numbers."""
+    """Check that a vertex has three numbers and return them unchanged."""
     try:
         _, _, _ = map(float, words)
     except ValueError as error:
@@ -56,7 +66,7 @@ def _numbers(where: str, words: list[str]) -> str:
 
 
 def _corners(where: str, words: list[str], *, seen: int, total: int) -> str:
-    """Return the vertices of a face counted from 1 (Wavefront obj, "f v/vt/vn", -1 being the last `seen`)."""
+    """Return the vertex indices of a face, counted from 1 ("f v/vt/vn", -1 being the last of `seen`)."""
     if len(words) < 3:
         raise SceneError(f"{where}: a face must have 3 or more corners, got {len(words)}")
     corners = []
@@ -64,9 +74,9 @@ def _corners(where: str, words: list[str], *, seen: int, total: int) -> str:
         try:
             index = int(word.split("/", 1)[0])
         except ValueError as error:
-            raise SceneError(f"{where}: {word!r} names no vertex") from error
+            raise SceneError(f"{where}: {word!r} is not a vertex index") from error
         corner = index if index > 0 else seen + 1 + index
         if index == 0 or not 1 <= corner <= total:
-            raise SceneError(f"{where}: a face names vertex {index} where there are {total}")
+            raise SceneError(f"{where}: a face refers to vertex {index}, but there are {total}")
         corners.append(str(corner))
     return " ".join(corners)

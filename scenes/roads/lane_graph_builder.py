@@ -18,6 +18,7 @@ class LaneGraphBuilder:
     """A road graph under construction."""
 
     def __init__(self) -> None:
+        """Start without lanes."""
         self._lanes: list[Lane] = []
         self._next: list[list[int]] = []
 
@@ -52,6 +53,7 @@ class LaneGraphBuilder:
         return lane.id
 
     def __getitem__(self, lane: int) -> Lane:
+        """Return a lane by its id."""
         return self._lanes[lane]
 
     def is_unconnected(self, lane: int) -> bool:

@@ -1,1 +1,1 @@
-"""Procedural towns: land use, parcels, and what is placed in them."""
+"""Procedural towns: land use, city blocks and their parcels, streetscape, and what stands on them."""

@@ -1,6 +1,6 @@
-"""Towns from one integer seed: streets, lanes, surfaces, what stands on the blocks and along the streets.
+"""Generates a scene from a preset and a seed: streets, lanes, ground, and all objects.
 
-Each stage draws from a seed sequence of its own, so that a change to one stage leaves the rest.
+Each stage draws from its own seed sequence, so a change to one stage leaves the others unchanged.
 """
 
 from dataclasses import replace
@@ -30,12 +30,23 @@ from echoscape.scenes.roads.subdivision import subdivided_network
 from echoscape.scenes.town.land_use import blocks_of, fill_blocks
 from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
 from echoscape.scenes.town.presets import PRESETS, Preset
-from echoscape.scenes.town.roadside import dress_country, dress_motorway
+from echoscape.scenes.town.roadside import dress_country_roads, dress_motorway
 from echoscape.scenes.town.streetscape import dress_streets
 
 
 def build_town(preset: str = "town", *, seed: int) -> Scene:
-    """Return the town that `preset` and `seed` name; raises `ValueError` for a preset that is not known."""
+    """Generate the scene of a preset.
+
+    Args:
+        preset: Name of the preset, a key of `PRESETS`.
+        seed: Seed of everything that is drawn.
+
+    Returns:
+        The scene, without movers.
+
+    Raises:
+        ValueError: The preset is unknown.
+    """
     if preset not in PRESETS:
         raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {preset!r}")
     settings = PRESETS[preset]
@@ -58,14 +69,22 @@ def build_town(preset: str = "town", *, seed: int) -> Scene:
 
 
 def road_network(settings: Preset, *, seed: int) -> tuple[Network, RoadGraph, TrimLengths]:
-    """Return the streets of a preset without a motorway, their lanes, and how far streets are cut back."""
+    """Lay out the streets of a preset without a motorway.
+
+    Args:
+        settings: The preset.
+        seed: Seed of everything that is drawn.
+
+    Returns:
+        The streets, their lanes, and the trimmed lengths of the streets.
+    """
     network = _network(settings, np.random.default_rng(_stage(seed, 0)))
     roads, trims = road_graph(network)
     return network, roads, trims
 
 
 def _streets(builder: SceneBuilder, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
-    """Lay streets and put everything on and beside them."""
+    """Lay out streets and add everything on and beside them."""
     network, roads, trims = road_network(settings, seed=seed)
     ground = ground_plan(network, roads, trims, margin_m=settings.margin_m)
     walks = footpath_lines(ground)
@@ -77,19 +96,20 @@ def _streets(builder: SceneBuilder, settings: Preset, seed: int) -> tuple[RoadGr
     if settings.uses:
         fill_blocks(builder, occupied, ground, network, settings, seeds=_stage(seed, 1))
     if settings.layout == "country":
-        dress_country(builder, occupied, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
+        dress_country_roads(builder, occupied, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
     return replace(roads, footpaths=walks, kerbs=tuple(rings(ground.carriageway))), ground
 
 
 def _motorway(builder: SceneBuilder, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
-    """Lay a motorway and put everything beside it."""
-    way = motorway(rng=np.random.default_rng(_stage(seed, 0)), margin_m=settings.margin_m)
-    lay_ground(builder, way.ground, settings)
-    dress_motorway(builder, OccupiedArea(), way, rng=np.random.default_rng(_stage(seed, 3)))
-    return replace(way.roads, kerbs=tuple(rings(way.ground.carriageway))), way.ground
+    """Lay out a motorway and add everything beside it."""
+    layout = motorway(rng=np.random.default_rng(_stage(seed, 0)), margin_m=settings.margin_m)
+    lay_ground(builder, layout.ground, settings)
+    dress_motorway(builder, OccupiedArea(), layout, rng=np.random.default_rng(_stage(seed, 3)))
+    return replace(layout.roads, kerbs=tuple(rings(layout.ground.carriageway))), layout.ground
 
 
 def _stage(seed: int, stage: int) -> np.random.SeedSequence:
+    """Return the seed sequence of a stage."""
     return np.random.SeedSequence([seed, stage])
 
 
@@ -101,7 +121,13 @@ def _network(settings: Preset, rng: np.random.Generator) -> Network:
 
 
 def lay_ground(builder: SceneBuilder, ground: Ground, settings: Preset) -> None:
-    """Add carriageways, kerbs, pavements and the soil of every block, each an object of its own."""
+    """Add carriageways, kerbs, pavements and the soil of every block, each an object of its own.
+
+    Args:
+        builder: The scene.
+        ground: Plan of the ground.
+        settings: The preset.
+    """
     high = settings.kerb_height_m
     for piece in (*ground.streets, *ground.crossings):
         surface = flat(piece, 0.0)

@@ -25,7 +25,15 @@ def enclose_gardens(
     *,
     rng: np.random.Generator,
 ) -> None:
-    """Fence gardens off from each other; what is fenced already, or is built on, is left out."""
+    """Add boundaries between gardens; edges that have a boundary or a building are left out.
+
+    Args:
+        builder: The scene.
+        gardens: The gardens.
+        rule: How the buildings of these gardens are laid out.
+        block: The city block.
+        rng: Random generator.
+    """
     done: BaseGeometry = Polygon()
     for garden in gardens:
         if rng.random() >= rule.back_fence_chance:
@@ -39,6 +47,7 @@ def enclose_gardens(
 
 
 def _runs(shape: BaseGeometry) -> list[LineString]:
+    """Return the lines of a shape that are longer than 2 m, joined where they meet."""
     merged = shapely.line_merge(shape) if shape.geom_type == "MultiLineString" else shape
     return [part for part in shapely.get_parts(merged) if isinstance(part, LineString) and part.length > 2.0]
 
@@ -52,7 +61,18 @@ def add_boundary(
     rng: np.random.Generator,
     height_m: float,
 ) -> None:
-    """Put a wall, hedge or fence on a line, if the ground is free."""
+    """Add a wall, hedge or fence along a line.
+
+    A hedge becomes a wall where there is no free space for it.
+
+    Args:
+        builder: The scene.
+        line: The line [m].
+        kind: "wall", "hedge", "boards", "railing" or "chain_link".
+        block: The city block.
+        rng: Random generator.
+        height_m: Height [m].
+    """
     points = np.asarray(line.coords)[:, :2]
     strip = line.buffer(0.5 if kind == "hedge" else 0.22, cap_style="flat")
     if not block.occupied.is_free(strip) and kind == "hedge":
@@ -72,7 +92,15 @@ def add_boundary(
 def enclose_front(
     builder: SceneBuilder, side: Line, rule: ParcelRule, block: CityBlock, *, rng: np.random.Generator
 ) -> None:
-    """Put low boundaries at the back of the pavement, with gaps for paths and drives."""
+    """Add low boundaries along the back of the pavement, with gaps for paths and driveways.
+
+    Args:
+        builder: The scene.
+        side: Side of the block along the street (P, 2) [m], block to the left.
+        rule: How the buildings of this side are laid out.
+        block: The city block.
+        rng: Random generator.
+    """
     kind = str(rng.choice(rule.front_boundaries))
     height = float(rng.uniform(1.8, 2.4)) if kind == "chain_link" else float(rng.uniform(0.7, 1.3))
     normal, along = left_normals(side), arc_length(side)
@@ -91,7 +119,15 @@ def enclose_front(
 def plant_garden(
     builder: SceneBuilder, garden: Polygon, block: CityBlock, *, chance: float, rng: np.random.Generator
 ) -> None:
-    """Plant a tree or shrub in a garden, where its trunk and what of its crown is low find free ground."""
+    """Plant a tree or shrub in a garden if its trunk, and its crown below head height, have free space.
+
+    Args:
+        builder: The scene.
+        garden: The garden.
+        block: The city block.
+        chance: Probability that something is planted.
+        rng: Random generator.
+    """
     if rng.random() >= chance:
         return
     low, high = np.array(garden.bounds[:2]), np.array(garden.bounds[2:])
@@ -113,7 +149,19 @@ def park_vehicle(
     yaw_rad: float,
     base_m: float | None = None,
 ) -> bool:
-    """Park a vehicle where the ground is free and tell whether it was."""
+    """Park a vehicle where the ground is free.
+
+    Args:
+        builder: The scene.
+        name: Name of its prototype.
+        place: Position (2,) [m].
+        block: The city block.
+        yaw_rad: Heading [rad].
+        base_m: Height of the ground [m]; None for that of the block.
+
+    Returns:
+        Whether the ground was free.
+    """
     length, width, _ = builder[name].extent_m
     free = block.occupied.claim(rectangle(place, yaw_rad, length + 0.3, width + 0.1))
     if free:

@@ -1,6 +1,6 @@
-"""What stands on the blocks between streets: each gets a use, its sides get buildings, its middle the rest.
+"""Land use: each block between streets gets a use, buildings along its sides, and open spaces inside.
 
-One block near the middle is a square and one a park; sides along avenues are shops.
+One block near the centre is a square and one a park; sides along avenues are shops.
 """
 
 import numpy as np
@@ -29,7 +29,19 @@ def fill_blocks(
     *,
     seeds: np.random.SeedSequence,
 ) -> dict[int, Use]:
-    """Build on every block and return the use of each, in the order of `blocks_of`."""
+    """Build on every block.
+
+    Args:
+        builder: The scene.
+        occupied: Occupied ground, which is extended.
+        ground: Plan of the ground.
+        network: The streets.
+        preset: The preset.
+        seeds: Seeds of this stage.
+
+    Returns:
+        Use of each block that is large enough, by its index in `blocks_of`.
+    """
     blocks = blocks_of(ground)
     uses = _uses(blocks, network, preset, np.random.default_rng(seeds.spawn(1)[0]))
     avenues = shapely.union_all(
@@ -51,7 +63,14 @@ def fill_blocks(
 
 
 def blocks_of(ground: Ground) -> list[Polygon]:
-    """Return the land between the streets, the largest block first."""
+    """Return the land between the streets.
+
+    Args:
+        ground: Plan of the ground.
+
+    Returns:
+        Blocks in descending order of area.
+    """
     rest = polygons(ground.land.difference(ground.corridor))
     return sorted(rest, key=lambda block: -block.area)
 
@@ -110,8 +129,9 @@ def _build_up(
     avenues: BaseGeometry,
     rng: np.random.Generator,
 ) -> None:
+    """Add buildings along the sides of a block, their gardens, and the open space inside."""
     sides = sorted(frontages(block.outline, ground.corridor), key=lambda side: -len(side))
-    if block.outline.interiors:  # the town's edge: not all of it is built on
+    if block.outline.interiors:  # the outermost block is built on in part only
         sides = [side for side in sides if rng.random() < 0.35]
     kinds = [_side_use(side, use, avenues) for side in sides]
     gardens: list[tuple[Polygon, str]] = []
@@ -120,8 +140,8 @@ def _build_up(
     for side, kind in zip(sides, kinds, strict=True):
         enclose_front(builder, side, PARCEL_RULES[kind], block, rng=rng)
     for kind in dict.fromkeys(kinds):
-        mine = [garden for garden, other in gardens if other == kind]
-        enclose_gardens(builder, mine, PARCEL_RULES[kind], block, rng=rng)
+        of_kind = [garden for garden, other in gardens if other == kind]
+        enclose_gardens(builder, of_kind, PARCEL_RULES[kind], block, rng=rng)
     if use == "flats":
         lay_car_park(builder, block, filled_share=0.15, rng=rng, inset_m=24.0)
     if use == "works":
@@ -131,7 +151,7 @@ def _build_up(
 
 
 def _side_use(side: Line, use: Use, avenues: BaseGeometry) -> str:
-    """Return what lines a side: shops where it faces an avenue."""
+    """Return the use of one side: shops where it faces an avenue."""
     middle = points_at(side, np.array([0.5 * np.hypot(*np.diff(side, axis=0).T).sum()]))[0]
     on_avenue = not avenues.is_empty and avenues.contains(shapely.Point(middle))
     return "shops" if on_avenue and use in ("terrace", "flats") else use

@@ -1,4 +1,4 @@
-"""Blocks without a row of buildings: parks, squares, car parks and works yards."""
+"""Blocks without rows of buildings: parks, squares, car parks and industrial yards."""
 
 import numpy as np
 import shapely
@@ -16,7 +16,13 @@ PARK_TREES: tuple[str, ...] = ("tree_broadleaf", "tree_tall", "tree_spreading", 
 
 
 def lay_park(builder: SceneBuilder, block: CityBlock, *, rng: np.random.Generator) -> None:
-    """Plant a park, with a railing or hedge about it that has gates, and benches."""
+    """Add trees, benches, and a railing or hedge with gates around a park.
+
+    Args:
+        builder: The scene.
+        block: The city block.
+        rng: Random generator.
+    """
     kind = str(rng.choice(["railing", "hedge"]))
     for rim in _rims(block.outline, 0.8):
         place, length = 0.0, arc_length(rim)[-1]
@@ -30,7 +36,13 @@ def lay_park(builder: SceneBuilder, block: CityBlock, *, rng: np.random.Generato
 
 
 def lay_square(builder: SceneBuilder, block: CityBlock, *, rng: np.random.Generator) -> None:
-    """Line a square with bollards and trees, with benches and lanterns inside."""
+    """Add bollards and trees along the edge of a square, and benches and lamps inside.
+
+    Args:
+        builder: The scene.
+        block: The city block.
+        rng: Random generator.
+    """
     _furnish(builder, block, inset_m=0.8, spacing_m=3.2, names=("bollard_metal",), rng=rng)
     _furnish(builder, block, inset_m=4.5, spacing_m=9.0, names=("tree_broadleaf", "tree_street"), rng=rng)
     _furnish(
@@ -46,7 +58,15 @@ def lay_car_park(
     rng: np.random.Generator,
     inset_m: float = 3.0,
 ) -> None:
-    """Park cars in rows across the longer side of the block's inside."""
+    """Park cars in rows across the longer side of a block's interior.
+
+    Args:
+        builder: The scene.
+        block: The city block.
+        filled_share: Share of the parking spaces that are taken.
+        rng: Random generator.
+        inset_m: Distance from the edge of the block [m].
+    """
     inside = block.outline.buffer(-inset_m)
     if inside.is_empty:
         return
@@ -66,7 +86,14 @@ def lay_car_park(
 def lay_yard(
     builder: SceneBuilder, block: CityBlock, *, rng: np.random.Generator, density: float = 1.0
 ) -> None:
-    """Fill free ground with containers, some stacked, tanks and parked trucks."""
+    """Fill free ground with containers, some stacked, tanks and parked trucks.
+
+    Args:
+        builder: The scene.
+        block: The city block.
+        rng: Random generator.
+        density: Density relative to that of an industrial yard.
+    """
     inside = block.outline.buffer(-4.0)
     if inside.is_empty:
         return
@@ -101,7 +128,16 @@ def scatter_trees(
     rng: np.random.Generator,
     inset_m: float = 5.0,
 ) -> None:
-    """Plant trees at random, about one each `spacing_m` square, none nearer than a third of it to another."""
+    """Plant trees at random, no two nearer than a third of their spacing.
+
+    Args:
+        builder: The scene.
+        block: The city block.
+        spacing_m: Side of the square that has about one tree [m].
+        names: Names of the prototypes.
+        rng: Random generator.
+        inset_m: Distance from the edge of the block [m].
+    """
     inside = block.outline.buffer(-inset_m)
     if inside.is_empty:
         return
@@ -122,7 +158,7 @@ def _furnish(
     names: tuple[str, ...],
     rng: np.random.Generator,
 ) -> None:
-    """Put things in turn on a line round the block, facing its middle."""
+    """Place prototypes in turn on a line around the block, facing its middle."""
     for rim in _rims(block.outline, inset_m):
         yaw = headings(rim) + np.pi / 2
         along = arc_length(rim)
@@ -141,12 +177,14 @@ def _stand(
     *,
     yaw_rad: float | None = None,
 ) -> None:
+    """Place a prototype if the ground is free."""
     yaw = float(rng.uniform(0, 2 * np.pi)) if yaw_rad is None else yaw_rad
     if block.occupied.claim(Point(place).buffer(0.6)):
         builder.place(name, place, base_m=block.base_m, yaw_rad=yaw)
 
 
 def _rims(block: Polygon, inset_m: float) -> list[Line]:
+    """Return the lines at a distance inside the edge of a block."""
     parts = shapely.get_parts(block.buffer(-inset_m))
     turned = [shapely.orient_polygons(part) for part in parts if isinstance(part, Polygon) and part.area > 30]
     return [resampled(np.asarray(part.exterior.coords)[:, :2], 1.0) for part in turned]
@@ -155,7 +193,7 @@ def _rims(block: Polygon, inset_m: float) -> list[Line]:
 def _frame(
     shape: shapely.Geometry,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], tuple[float, float]]:
-    """Return corner, long axis, short axis and (length, width) of the smallest rectangle about a shape."""
+    """Return corner, long axis, short axis and (length, width) of the minimum rectangle around a shape."""
     box = shapely.orient_polygons(shapely.minimum_rotated_rectangle(shape))
     corners = shapely.get_coordinates(box)[:4]
     first, second = corners[1] - corners[0], corners[3] - corners[0]

@@ -1,6 +1,7 @@
-"""Lots along a frontage: buildings side by side behind the pavement, their gardens, and what bounds these.
+"""Parcels along the sides of a block: buildings side by side behind the pavement, and their gardens.
 
-A frontage is a line with its block to the left; lots are four-sided, and neighbours share their party walls.
+The side of a block is a line with the block to its left. Footprints are quadrilaterals; neighbours in a row
+share party walls.
 """
 
 from dataclasses import dataclass
@@ -19,7 +20,14 @@ from echoscape.scenes.town.presets import ParcelRule
 
 @dataclass(frozen=True, kw_only=True)
 class CityBlock:
-    """Where lots are laid out: the block that must hold them, what is occupied, and the ground's height."""
+    """A block that is built on.
+
+    Attributes:
+        outline: Its polygon [m].
+        occupied: Occupied ground.
+        base_m: Height of the ground [m].
+        inradius_m: Radius of the largest circle inside [m].
+    """
 
     outline: Polygon
     occupied: OccupiedArea
@@ -28,7 +36,15 @@ class CityBlock:
 
 
 def frontages(block: Polygon, streets: BaseGeometry) -> list[Line]:
-    """Return the block's sides that lie along `streets`, block to the left, split at corners."""
+    """Return the sides of a block that lie along streets, split at corners.
+
+    Args:
+        block: Polygon of the block [m].
+        streets: Ground of the streets.
+
+    Returns:
+        Lines (P, 2) [m] with the block to their left.
+    """
     turned = shapely.orient_polygons(block)
     sides = []
     for ring in (turned.exterior, *turned.interiors):
@@ -47,7 +63,18 @@ def frontages(block: Polygon, streets: BaseGeometry) -> list[Line]:
 def build_along(
     builder: SceneBuilder, side: Line, rule: ParcelRule, block: CityBlock, *, rng: np.random.Generator
 ) -> list[Polygon]:
-    """Put buildings along one side of a block and return the gardens behind them."""
+    """Add buildings along one side of a block.
+
+    Args:
+        builder: The scene.
+        side: The side (P, 2) [m].
+        rule: How its buildings are laid out.
+        block: The city block.
+        rng: Random generator.
+
+    Returns:
+        The gardens behind the buildings.
+    """
     length = arc_length(side)[-1]
     place, left_in_row, gardens = 0.0, 0, []
     setback = depth = height = 0.0
@@ -72,7 +99,7 @@ def build_along(
 def _footprint(
     side: Line, place: float, width: float, setback: float, depth: float, aside: float
 ) -> NDArray[np.float64]:
-    """Return the (4, 2) footprint counter-clockwise, its front first."""
+    """Return the footprint (4, 2), counter-clockwise, front edge first."""
     ends = np.array([place + aside, place + width - aside])
     normals = left_normals(side)
     along = arc_length(side)
@@ -83,7 +110,7 @@ def _footprint(
 
 
 def _fits(footprint: NDArray[np.float64], block: CityBlock) -> bool:
-    """Tell whether a footprint is a sound shape inside its block and on free ground."""
+    """Return whether a footprint has a sound shape and lies inside its block on free ground."""
     step = np.roll(footprint, -1, axis=0) - footprint
     after = np.roll(step, -1, axis=0)
     turn = step[:, 0] * after[:, 1] - step[:, 1] * after[:, 0]
@@ -102,9 +129,12 @@ def _build(
     block: CityBlock,
     rng: np.random.Generator,
 ) -> None:
+    """Add a building on a footprint."""
     detached = rule.side_gap_m[1] > 0
     high = height if not detached else height + float(rng.uniform(-0.4, 0.4))
-    facades = None if detached else [True, False, False, False]  # backs of rows cannot be seen from roads
+    facades = (
+        None if detached else [True, False, False, False]
+    )  # the backs of rows are invisible from the road
     made = building(footprint, height_m=high, style=rule.style, rng=rng, facades=facades)
     builder.add("building", made)
     block.occupied.add(Polygon(footprint))
@@ -113,7 +143,7 @@ def _build(
 def _garden(
     footprint: NDArray[np.float64], side: Line, place: float, width: float, block: CityBlock
 ) -> list[Polygon]:
-    """Return the ground behind a building that nobody else has occupied."""
+    """Return the free ground behind a building."""
     back = block.inradius_m - float(np.linalg.norm(footprint[3] - footprint[0])) - 2.0
     if back < 3.5:
         return []

@@ -1,6 +1,6 @@
-"""What each preset is made of: how its streets grow and what stands on its blocks.
+"""Presets: street layout, land use and street furniture of each kind of scene, and its building rules.
 
-All values are ours, chosen to look like British towns from the road: terraces two to six metres behind
+All values are ours, chosen to resemble British towns as seen from the road: terraces two to six metres behind
 the kerb, ten to twenty metres from wall to wall.
 """
 
@@ -17,11 +17,19 @@ Use = Literal["terrace", "houses", "flats", "shops", "park", "square", "car_park
 
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """The settings of a town.
+    """Settings of a kind of scene.
 
-    `uses` weighs what a block becomes; `kerb_height_m` is 0 where roads have no kerb; `margin_m` is what is
-    built on beyond the outermost streets; `parked` and `street_trees` are the shares of places occupied,
-    `trucks` that of trucks among the parked, `lamps_m` the distance between lamp posts.
+    Attributes:
+        name: Name of the preset.
+        layout: Kind of street layout.
+        subdivision: Settings of a subdivided street network, None for other layouts.
+        uses: Uses of a block with their relative frequencies.
+        kerb_height_m: Height of the kerb [m], 0 for none.
+        margin_m: Width of the land beyond the outermost streets [m].
+        parked: Share of kerbside places that have a parked vehicle.
+        trucks: Share of trucks among parked vehicles.
+        street_trees: Share of places for street trees that have one.
+        lamps_m: Distance between lamp posts [m].
     """
 
     name: str
@@ -109,10 +117,20 @@ PRESETS: dict[str, Preset] = {
 
 @dataclass(frozen=True, kw_only=True)
 class ParcelRule:
-    """How a kind of building stands along a street; ranges are drawn from evenly, a row or a lot at a time.
+    """How buildings of one kind are laid out along a street; ranges are drawn from uniformly.
 
-    `side_m` is left free beside each building, `gap` the chance of an alley after one; `front` names what
-    bounds the front garden ("" for none) and `back` the chance that gardens behind are fenced.
+    Attributes:
+        style: Style of the buildings.
+        width_m: Width of a parcel (low, high) [m].
+        depth_m: Depth of the buildings (low, high) [m], drawn per row.
+        height_m: Height of the walls (low, high) [m], drawn per row.
+        setback_m: Distance from the pavement (low, high) [m], drawn per row.
+        side_gap_m: Free width on each side of a building (low, high) [m]; 0 for party walls.
+        alley_chance: Probability of an alley after a parcel.
+        alley_m: Width of an alley (low, high) [m].
+        max_row: Largest number of parcels in a row.
+        front_boundaries: Boundaries of front gardens to choose from, "" for none.
+        back_fence_chance: Probability that a garden behind is enclosed.
     """
 
     style: Style

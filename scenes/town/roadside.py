@@ -1,6 +1,6 @@
-"""What stands beside roads outside towns: guard rails, noise walls, gantries, bridges, hedges, farms.
+"""Roadside outside towns: guard rails, noise walls, gantries, bridges, hedges, farms.
 
-Rails stand 0.5 m and more beyond the edge of the carriageway; bridges clear it by 5.6 m.
+Rails stand at least 0.5 m beyond the edge of the carriageway; bridges clear it by 5.6 m.
 """
 
 import numpy as np
@@ -29,28 +29,35 @@ from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder, rectangl
 
 
 def dress_motorway(
-    builder: SceneBuilder, occupied: OccupiedArea, way: Motorway, *, rng: np.random.Generator
+    builder: SceneBuilder, occupied: OccupiedArea, motorway: Motorway, *, rng: np.random.Generator
 ) -> None:
-    """Put rails, walls, gantries, bridges, lamps and trees along a motorway."""
-    length = float(arc_length(way.middle)[-1])
+    """Add rails, noise walls, gantries, bridges, lamps and trees along a motorway.
+
+    Args:
+        builder: The scene.
+        occupied: Occupied ground, which is extended.
+        motorway: The motorway.
+        rng: Random generator.
+    """
+    length = float(arc_length(motorway.middle)[-1])
     for share in (0.1, 0.9):  # where no slip road runs beside the main line
-        _bridge(builder, occupied, way.middle, share * length)
+        _bridge(builder, occupied, motorway.middle, share * length)
     for share in (0.2, 0.47, 0.62, 0.8):
-        _gantry(builder, way, (share + rng.uniform(-0.02, 0.02)) * length)
+        _gantry(builder, motorway, (share + rng.uniform(-0.02, 0.02)) * length)
     for aside in (-0.9, 0.9):
-        _rails(builder, way.middle, way.ground, aside, inside=True)
+        _rails(builder, motorway.middle, motorway.ground, aside, inside=True)
     for aside in (-EDGE_M - 0.7, EDGE_M + 0.7):
-        _rails(builder, way.middle, way.ground, aside, inside=False)
-    for lane in way.roads.lanes:
+        _rails(builder, motorway.middle, motorway.ground, aside, inside=False)
+    for lane in motorway.roads.lanes:
         if lane.kind == "street" and lane.speed_limit_mps < 20:
-            _rails(builder, lane.centre, way.ground, -3.6, inside=False)
+            _rails(builder, lane.centre, motorway.ground, -3.6, inside=False)
     for side in (-1.0, 1.0):
-        _noise_walls(builder, occupied, way, side)
-    _lamps(builder, way, rng)
-    scatter(builder, occupied, way.ground, spacing_m=34.0, clear_m=7.0, rng=rng)
+        _noise_walls(builder, occupied, motorway, side)
+    _lamps(builder, motorway, rng)
+    scatter_trees(builder, occupied, motorway.ground, spacing_m=34.0, clear_m=7.0, rng=rng)
 
 
-def dress_country(
+def dress_country_roads(
     builder: SceneBuilder,
     occupied: OccupiedArea,
     network: Network,
@@ -58,7 +65,15 @@ def dress_country(
     *,
     rng: np.random.Generator,
 ) -> None:
-    """Put hedges, posts, trees and farms along country roads."""
+    """Add hedges, posts, trees and farms along country roads.
+
+    Args:
+        builder: The scene.
+        occupied: Occupied ground, which is extended.
+        network: The roads.
+        ground: Plan of the ground.
+        rng: Random generator.
+    """
     ends = [j for j in range(len(network.junctions)) if len(network.arms(j)) == 1]
     for junction in ends[-2:]:
         _farm(builder, occupied, ground, network.junctions[junction], rng)
@@ -67,10 +82,10 @@ def dress_country(
             line = offset(street.line, side * (street.type.half_width_m + 3.2))
             _hedges(builder, occupied, ground, line, rng)
             _posts(builder, occupied, street.line, side * (street.type.half_width_m + 1.2), ground, rng)
-    scatter(builder, occupied, ground, spacing_m=62.0, clear_m=8.0, rng=rng)
+    scatter_trees(builder, occupied, ground, spacing_m=62.0, clear_m=8.0, rng=rng)
 
 
-def scatter(
+def scatter_trees(
     builder: SceneBuilder,
     occupied: OccupiedArea,
     ground: Ground,
@@ -79,7 +94,16 @@ def scatter(
     clear_m: float,
     rng: np.random.Generator,
 ) -> None:
-    """Plant trees at random on the land, `clear_m` and more from the carriageway."""
+    """Plant trees at random on the land.
+
+    Args:
+        builder: The scene.
+        occupied: Occupied ground, which is extended.
+        ground: Plan of the ground.
+        spacing_m: Side of the square that has about one tree [m].
+        clear_m: Least distance from the carriageway [m].
+        rng: Random generator.
+    """
     low, high = np.array(ground.land.bounds[:2]), np.array(ground.land.bounds[2:])
     places = low + rng.uniform(0, 1, (int(np.prod(high - low) / spacing_m**2), 2)) * (high - low)
     shape = ground.land.buffer(-6.0).difference(ground.carriageway.buffer(clear_m))
@@ -90,7 +114,7 @@ def scatter(
 
 
 def _rails(builder: SceneBuilder, line: Line, ground: Ground, aside_m: float, *, inside: bool) -> None:
-    """Put guard rails end to end at `aside_m` to the left of a line; beside, not on, the carriageway."""
+    """Add guard rails end to end, `aside_m` to the left of a line; unless `inside`, off the carriageway."""
     run = resampled(offset(line, aside_m), 1.0)
     along, heading = arc_length(run), headings(run)
     for distance in np.arange(3.0, along[-1] - 3.0, 4.0):
@@ -101,27 +125,32 @@ def _rails(builder: SceneBuilder, line: Line, ground: Ground, aside_m: float, *,
             builder.place("guard_rail", place, base_m=0.0, yaw_rad=yaw + np.pi * (aside_m < 0))
 
 
-def _noise_walls(builder: SceneBuilder, occupied: OccupiedArea, way: Motorway, side: float) -> None:
-    length = float(arc_length(way.middle)[-1])
-    line = offset(way.middle, side * 21.0)
+def _noise_walls(builder: SceneBuilder, occupied: OccupiedArea, motorway: Motorway, side: float) -> None:
+    """Add noise walls along one side of a motorway."""
+    length = float(arc_length(motorway.middle)[-1])
+    line = offset(motorway.middle, side * 21.0)
     for start in (0.16 * length, 0.76 * length):
         for step in range(5):
             first = start + 40.0 * step
             points = points_at(line, np.linspace(first, first + 40.0, 9))
             strip = LineString(points).buffer(0.5)
-            if strip.distance(way.ground.carriageway) > 2.0 and occupied.claim(strip.buffer(-0.3)):
+            if strip.distance(motorway.ground.carriageway) > 2.0 and occupied.claim(strip.buffer(-0.3)):
                 mesh = wall(points, height_m=float(3.0 + 0.5 * (side > 0)), thickness_m=0.25)
                 builder.add("wall", {"concrete": mesh})
 
 
-def _lamps(builder: SceneBuilder, way: Motorway, rng: np.random.Generator) -> None:
-    """Stand lamp posts and direction signs behind the outer rails."""
-    along, normal, heading = arc_length(way.middle), left_normals(way.middle), headings(way.middle)
+def _lamps(builder: SceneBuilder, motorway: Motorway, rng: np.random.Generator) -> None:
+    """Add lamp posts and direction signs behind the outer rails."""
+    along, normal, heading = (
+        arc_length(motorway.middle),
+        left_normals(motorway.middle),
+        headings(motorway.middle),
+    )
     for number, distance in enumerate(np.arange(60.0, along[-1] - 40.0, 45.0)):
         side = 1.0 if number % 2 else -1.0
         left = np.array([np.interp(distance, along, normal[:, axis]) for axis in range(2)])
-        place = points_at(way.middle, np.array([distance]))[0] + side * (EDGE_M + 2.0) * left
-        if Point(place).distance(way.ground.carriageway) > 1.5:
+        place = points_at(motorway.middle, np.array([distance]))[0] + side * (EDGE_M + 2.0) * left
+        if Point(place).distance(motorway.ground.carriageway) > 1.5:
             name = "sign_direction" if rng.random() < 0.15 else "lamp_arm"
             turn = -side * np.pi / 2 if name == "lamp_arm" else (np.pi if side < 0 else 0.0)
             yaw = float(np.interp(distance, along, heading)) + turn
@@ -136,7 +165,7 @@ def _across(middle: Line, distance_m: float, part: Mesh) -> Mesh:
 
 
 def _bridge(builder: SceneBuilder, occupied: OccupiedArea, middle: Line, distance_m: float) -> None:
-    """Lead a bridge over the road: a deck on piers and abutments, with parapets."""
+    """Add a bridge over the road: a deck on piers and abutments, with parapets."""
     deck = box((9.0, 56.0, 1.1), (0.0, 0.0, 6.15))
     beams = [box((0.5, 52.0, 0.5), (x, 0.0, 5.45)) for x in (-3.6, -1.2, 1.2, 3.6)]
     parapets = [box((0.3, 56.0, 1.0), (x, 0.0, 7.2)) for x in (-4.3, 4.3)]
@@ -152,11 +181,11 @@ def _bridge(builder: SceneBuilder, occupied: OccupiedArea, middle: Line, distanc
     occupied.add(Point(place).buffer(30.0))
 
 
-def _gantry(builder: SceneBuilder, way: Motorway, distance_m: float) -> None:
-    """Stand a sign gantry over both carriageways, unless a slip road is where its legs would be."""
-    reach, middle = EDGE_M + 1.6, way.middle
+def _gantry(builder: SceneBuilder, motorway: Motorway, distance_m: float) -> None:
+    """Add a sign gantry over both carriageways, unless its legs would stand on a slip road."""
+    reach, middle = EDGE_M + 1.6, motorway.middle
     feet = _across(middle, distance_m, box((1.0, 2 * reach, 1.0))).vertices[:, :2]
-    if shapely.distance(shapely.points(feet.astype(np.float64)), way.ground.carriageway).min() < 0.8:
+    if shapely.distance(shapely.points(feet.astype(np.float64)), motorway.ground.carriageway).min() < 0.8:
         return
     legs = [box((0.4, 0.4, 7.6), (0.0, y, 3.8)) for y in (-reach, reach)]
     beams = [box((0.3, 2 * reach, 0.3), (x, 0.0, z)) for x in (-0.5, 0.5) for z in (6.3, 7.5)]
@@ -167,7 +196,7 @@ def _gantry(builder: SceneBuilder, way: Motorway, distance_m: float) -> None:
 def _hedges(
     builder: SceneBuilder, occupied: OccupiedArea, ground: Ground, line: Line, rng: np.random.Generator
 ) -> None:
-    """Put runs of hedge along a line, where it keeps off every carriageway."""
+    """Add runs of hedge along a line, clear of every carriageway."""
     length, place = float(arc_length(line)[-1]), 0.0
     while place < length - 20.0:
         stop = min(place + rng.uniform(15.0, 60.0), length)
@@ -187,7 +216,7 @@ def _posts(
     ground: Ground,
     rng: np.random.Generator,
 ) -> None:
-    """Stand marker posts and a sign now and then beside a road."""
+    """Add marker posts and a few signs beside a road."""
     run = offset(line, aside_m)
     heading = headings(run)
     along = arc_length(run)
@@ -204,7 +233,7 @@ def _posts(
 def _farm(
     builder: SceneBuilder, occupied: OccupiedArea, ground: Ground, yard: Line, rng: np.random.Generator
 ) -> None:
-    """Stand a house, barns, a tank and a truck about the end of a track."""
+    """Add a house, barns, a tank and a truck around the end of a track."""
     shapes: tuple[tuple[Style, float, float, float], ...] = (
         ("house", 11.0, 8.5, 5.4),
         ("hall", 30.0, 16.0, 6.5),

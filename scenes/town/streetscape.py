@@ -1,8 +1,8 @@
-"""What stands along streets: lamp posts, trees, signs, bins, shelters and bollards, and vehicles at the kerb.
+"""Objects along streets: lamp posts, trees, signs, bins, shelters, bollards, and vehicles parked at the kerb.
 
-Furniture stands in a strip of some 0.7 m at the kerb and people walk between it and the facades (furniture
-and through zone of the NACTO Urban Street Design Guide, 2013); vehicles stand in the parking strip, at least
-0.3 m from the lane.
+Furniture stands in a strip of about 0.7 m at the kerb, and people walk between it and the facades (furniture
+zone and pedestrian through zone of the NACTO Urban Street Design Guide, 2013). Vehicles stand in the parking
+strip, at least 0.3 m from the lane.
 """
 
 from typing import NamedTuple
@@ -42,39 +42,67 @@ def dress_streets(
     *,
     seeds: np.random.SeedSequence,
 ) -> None:
-    """Put furniture and parked vehicles along every street."""
+    """Add furniture and parked vehicles along every street.
+
+    Args:
+        builder: The scene.
+        occupied: Occupied ground, which is extended.
+        network: The streets.
+        trims: Trimmed lengths of the streets.
+        ground: Plan of the ground.
+        preset: The preset.
+        seeds: Seeds of this stage.
+    """
     shapely.prepare(ground.carriageway)
-    feet = {prototype.name: base_extent(prototype) for prototype in builder.prototypes}
+    base_extents = {prototype.name: base_extent(prototype) for prototype in builder.prototypes}
     for street, cut, child in zip(network.streets, trims, seeds.spawn(len(network.streets)), strict=True):
         rng = np.random.default_rng(child)
         line = part(street.line, cut[0], street.length_m - cut[1])
         if street.type.pavement_m > 0:
             for side in (line[::-1], line):  # to the right of travel in both directions
-                walk = Pavement(builder, occupied, street, side, ground, feet, preset.kerb_height_m, rng)
-                walk.signs()
-                walk.shelter()
-                walk.lamps(preset.lamps_m)
-                walk.trees(preset.street_trees)
-                walk.bins()
+                pavement = Pavement(
+                    builder, occupied, street, side, ground, base_extents, preset.kerb_height_m, rng
+                )
+                pavement.add_signs()
+                pavement.add_shelter()
+                pavement.add_lamps(preset.lamps_m)
+                pavement.add_trees(preset.street_trees)
+                pavement.add_bins()
             _park(builder, occupied, street, line, preset, rng)
 
 
 class BaseExtent(NamedTuple):
-    """What of a prototype is no higher than a head, from `low_m` to `high_m` (2,) in its own frame."""
+    """Extent of a prototype below head height, in its own frame.
+
+    Attributes:
+        low_m: Smallest x, y (2,) [m].
+        high_m: Largest x, y (2,) [m].
+    """
 
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
 
 
 def base_extent(prototype: Prototype) -> BaseExtent:
-    """Return the foot of a prototype: of a lamp its pole without the arm, of a tree its trunk."""
+    """Return the extent of a prototype below head height: of a lamp its pole, of a tree its trunk.
+
+    Args:
+        prototype: The prototype.
+
+    Returns:
+        The extent.
+    """
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in prototype.parts.values()])
     low = corners[corners[..., 2].min(axis=1) < _HEAD_M][..., :2].reshape(-1, 2).astype(np.float64)
     return BaseExtent(low.min(axis=0), low.max(axis=0))
 
 
 class Pavement:
-    """One side of a street in the making: `line` is the street's middle, the pavement to its right."""
+    """One side of a street under construction, with the pavement to the right of the line.
+
+    Attributes:
+        length_m: Length of the line [m].
+    """
 
     def __init__(
         self,
@@ -83,32 +111,52 @@ class Pavement:
         street: Street,
         line: Line,
         ground: Ground,
-        feet: dict[str, BaseExtent],
+        base_extents: dict[str, BaseExtent],
         base_m: float,
         rng: np.random.Generator,
     ) -> None:
+        """Prepare one side of a street.
+
+        Args:
+            builder: The scene.
+            occupied: Occupied ground, which is extended.
+            street: The street.
+            line: Its middle (P, 2) [m], in the direction of travel on this side.
+            ground: Plan of the ground.
+            base_extents: Extents of all prototypes below head height, by name.
+            base_m: Height of the pavement [m].
+            rng: Random generator.
+        """
         self._builder, self._occupied, self._base_m, self._rng = builder, occupied, base_m, rng
-        self._type, self._carriageway, self._feet = street.type, ground.carriageway, feet
+        self._type, self._carriageway, self._base_extents = street.type, ground.carriageway, base_extents
         self._line, self._along = line, arc_length(line)
         self._normal, self._heading = left_normals(line), headings(line)
         self.length_m = float(self._along[-1])
 
-    def stand(
+    def place(
         self, name: str, distance_m: float, from_kerb_m: float, *, turn_rad: float, scale: float = 1.0
     ) -> bool:
-        """Put something, its foot's middle `from_kerb_m` behind the kerb, turned from traffic's direction.
+        """Place an object if it is clear of the carriageway and of occupied ground.
 
-        Nothing is put on the carriageway or where something stands or people walk; tells whether it was put.
+        Args:
+            name: Name of its prototype.
+            distance_m: Distance along the line [m].
+            from_kerb_m: Distance of the middle of its base behind the kerb [m].
+            turn_rad: Heading relative to the direction of travel [rad].
+            scale: Scale factor.
+
+        Returns:
+            Whether it was placed.
         """
         normal = np.array([np.interp(distance_m, self._along, self._normal[:, axis]) for axis in range(2)])
         at = points_at(self._line, np.array([distance_m]))[0]
         middle = at - normal * (self._type.half_width_m + from_kerb_m)
         yaw = float(np.interp(distance_m, self._along, self._heading)) + turn_rad
-        foot = self._feet[name]
+        extent = self._base_extents[name]
         ahead = np.array([np.cos(yaw), np.sin(yaw)])
         aside = np.array([-ahead[1], ahead[0]])
-        x, y = scale * (foot.low_m + foot.high_m) / 2
-        length, width = scale * (foot.high_m - foot.low_m)
+        x, y = scale * (extent.low_m + extent.high_m) / 2
+        length, width = scale * (extent.high_m - extent.low_m)
         shape = rectangle(middle, yaw, length, width)
         free = not shapely.dwithin(self._carriageway, shape, _KERB_GAP_M) and self._occupied.claim(shape)
         if free:
@@ -117,20 +165,28 @@ class Pavement:
             )
         return free
 
-    def lamps(self, spacing_m: float) -> None:
-        """Stand lamp posts, their arms over the road."""
+    def add_lamps(self, spacing_m: float) -> None:
+        """Add lamp posts with their arms over the road.
+
+        Args:
+            spacing_m: Distance between lamp posts [m].
+        """
         name = "lamp_lantern" if self._type.name == "narrow" else "lamp_arm"
         first = self._rng.uniform(0.0, spacing_m)
         for distance in np.arange(first, self.length_m, spacing_m):
-            self.stand(name, float(distance), 0.45, turn_rad=np.pi / 2)
+            self.place(name, float(distance), 0.45, turn_rad=np.pi / 2)
 
-    def trees(self, share: float) -> None:
-        """Plant street trees where the pavement is wide enough."""
+    def add_trees(self, share: float) -> None:
+        """Add street trees where the pavement is wide enough.
+
+        Args:
+            share: Share of the places for trees that have one.
+        """
         if self._type.pavement_m < 2.2 or self._rng.random() > 0.45:
             return
         for distance in np.arange(self._rng.uniform(3.0, 9.0), self.length_m - 3.0, 11.0):
             if self._rng.random() < share:
-                self.stand(
+                self.place(
                     "tree_street",
                     float(distance),
                     0.45,
@@ -138,37 +194,37 @@ class Pavement:
                     scale=float(self._rng.uniform(1.1, 1.5)),
                 )
 
-    def signs(self) -> None:
-        """Stand a sign before the junction that traffic on this side comes to, and lights on avenues."""
+    def add_signs(self) -> None:
+        """Add a sign before the junction at the end of the line, and traffic lights on avenues."""
         if self.length_m < 15.0:
             return
         name = str(self._rng.choice(["sign_round", "sign_triangle", "sign_rectangle"]))
         if self._type.lanes > 1:
-            self._stand_before(0.5, "traffic_light")
-        self._stand_before(3.0, name)
+            self._place_before(0.5, "traffic_light")
+        self._place_before(3.0, name)
         if self._rng.random() < 0.25:
             for step in range(4):
-                self.stand("bollard_concrete", 0.5 + 1.6 * step, 0.4, turn_rad=0.0)
+                self.place("bollard_concrete", 0.5 + 1.6 * step, 0.4, turn_rad=0.0)
 
-    def _stand_before(self, distance_m: float, name: str) -> None:
-        """Stand a sign `distance_m` before the end, or where the kerb is straight before that."""
+    def _place_before(self, distance_m: float, name: str) -> None:
+        """Add a sign `distance_m` before the end, or further before it where the kerb is straight."""
         for back in (0.0, 2.0, 4.0, 6.0):
-            if self.stand(name, self.length_m - distance_m - back, 0.5, turn_rad=np.pi):
+            if self.place(name, self.length_m - distance_m - back, 0.5, turn_rad=np.pi):
                 return
 
-    def shelter(self) -> None:
-        """Stand a bus shelter on a wide pavement."""
+    def add_shelter(self) -> None:
+        """Add a bus shelter on a wide pavement."""
         if self._type.pavement_m > 3.5 and self.length_m > 60.0 and self._rng.random() < 0.5:
             distance = float(self._rng.uniform(0.6, 0.8)) * self.length_m
-            self.stand("bus_shelter", distance, 3.2, turn_rad=np.pi / 2)
+            self.place("bus_shelter", distance, 3.2, turn_rad=np.pi / 2)
 
-    def bins(self) -> None:
-        """Stand a litter bin now and then, and bins put out at the kerb for collection."""
+    def add_bins(self) -> None:
+        """Add litter bins, and wheeled bins put out for collection."""
         for distance in np.arange(self._rng.uniform(5.0, 30.0), self.length_m - 4.0, 34.0):
             if self._rng.random() < 0.3:
-                self.stand("bin_round", float(distance), 0.43, turn_rad=0.0)
+                self.place("bin_round", float(distance), 0.43, turn_rad=0.0)
             elif self._rng.random() < 0.3:
-                self.stand("bin_wheeled", float(distance), 0.43, turn_rad=0.0)
+                self.place("bin_wheeled", float(distance), 0.43, turn_rad=0.0)
 
 
 def _park(
@@ -179,7 +235,7 @@ def _park(
     preset: Preset,
     rng: np.random.Generator,
 ) -> None:
-    """Park vehicles at both kerbs, most with the traffic of their side."""
+    """Park vehicles at both kerbs, most in the direction of traffic on their side."""
     kind = street.type
     if kind.parking_m <= 0 or preset.parked <= 0:
         return

@@ -96,7 +96,7 @@ def _toml(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror})") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ValueError(f"{path}: no TOML ({error})") from error
+        raise ValueError(f"{path}: not valid TOML ({error})") from error
 
 
 def _value(name: str, value: Any) -> Any:

@@ -173,14 +173,14 @@ def test_options_by_hand_win_over_the_file(
         ("inner_group.speeds = 1", "inner-group: speeds must be an array, got 1"),
         ("inner_group.table = [[1, 2], 3]", "inner-group: table must be an array, got 3"),
         ("resume = 1", "resume must be true or false, got 1"),
-        ("radar = 5", "radar must be a text, got 5"),
-        ("radar = ''", "radar must be a text, got ''"),
+        ("radar = 5", "radar must be a non-empty string, got 5"),
+        ("radar = ''", "radar must be a non-empty string, got ''"),
         ("weights = 5", "weights must be a path, got 5"),
         ("solver = 'magic'", "solver must be one of keyframe, paper, got 'magic'"),
         ("stride = true", "stride must be one of 1, 2, got True"),
         ("folders = ['--resume']", "folders must not hold a text that begins with --, got '--resume'"),
         ("inner-group.own = 1\n[inner_group]\nrain_mm = 2", "inner-group is given twice"),
-        ("scans = ", "o.toml: no TOML"),
+        ("scans = ", "o.toml: not valid TOML"),
     ],
 )
 def test_what_is_not_an_option_of_its_type_is_refused_by_name(

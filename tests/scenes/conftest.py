@@ -1,4 +1,4 @@
-"""Small hand-made road graphs and towns for tests of what drives in them."""
+"""Small hand-made road graphs and towns for tests of traffic."""
 
 from collections.abc import Callable
 
@@ -37,7 +37,7 @@ def _bezier(
 
 
 def _block_town(size: int = 3, spacing_m: float = 90.0, limit_mps: float = 13.4) -> RoadGraph:
-    """Return a square grid of `size` x `size` junctions: all turns, and u-turns at the grid's corners."""
+    """Return a square grid of `size` x `size` junctions: all turns, and U-turns at the grid's corners."""
     junctions = spacing_m * np.stack(np.meshgrid(np.arange(size), np.arange(size)), -1).reshape(-1, 2)
     steps = [np.array(step) for step in ((1, 0), (0, 1), (-1, 0), (0, -1))]
     streets: list[tuple[int, int, NDArray[np.float64], NDArray[np.float64]]] = []
@@ -53,7 +53,7 @@ def _block_town(size: int = 3, spacing_m: float = 90.0, limit_mps: float = 13.4)
 
 
 def _straight_road(length_m: float = 400.0, limit_mps: float = 13.4) -> RoadGraph:
-    """Return one straight two-way street with a u-turn at each end."""
+    """Return one straight two-way street with a U-turn at each end."""
     ends = np.array([[0.0, 0.0], [length_m, 0.0]])
     along = np.linspace(CORNER_M, length_m - CORNER_M, int(length_m))
     there = np.stack([along, np.full_like(along, -HALF_LANE_M)], -1)
@@ -135,13 +135,13 @@ def blocks() -> RoadGraph:
 
 @pytest.fixture(scope="session")
 def straight() -> RoadGraph:
-    """One street, a u-turn at either end."""
+    """One street, a U-turn at either end."""
     return _straight_road()
 
 
 @pytest.fixture(scope="session")
 def town_roads() -> RoadGraph:
-    """The lanes of the default town, without walks."""
+    """The lanes of the default town, without footpaths."""
     return road_network(PRESETS["town"], seed=1)[1]
 
 

@@ -1,6 +1,6 @@
-"""What stands still and can be run into: every low triangle of a scene, and which boxes touch one.
+"""Finds stationary obstacles: the low triangles of a scene, and the boxes that overlap them.
 
-Ground, road, kerb and pavement are there to be on, and what hangs at 2.5 m or higher is there to pass under.
+Ground, road, kerb and pavement are no obstacles, nor is anything higher than 2.5 m.
 Boxes and triangles are tested by separating axes (Gottschalk et al., OBBTree, SIGGRAPH 1996, in the plane).
 """
 
@@ -18,13 +18,13 @@ _STEP_M = 0.02
 
 
 class Obstacles:
-    """The low triangles of a town near given places.
+    """The low triangles of a scene near given places.
 
-    corner_m (T, 3, 2) in the plane; low_m, high_m (T,) above the ground; instance (T,) whose each is.
+    corner_m (T, 3, 2) in the plane; low_m, high_m (T,) above the ground; instance (T,) of each.
     """
 
     def __init__(self, scene: Scene, *, near: NDArray[np.float64]) -> None:
-        """Collect what stands within some 8 m of the places `near` (N, 2) [m]."""
+        """Collect the triangles within about 8 m of the places `near` (N, 2) [m]."""
         cells = _Cells(near)
         kept = [_kept(corner, who, scene, cells) for corner, who in (*_made(scene), *_placed(scene, cells))]
         corner = np.concatenate([np.zeros((0, 3, 3)), *(corner for corner, _ in kept)])
@@ -48,9 +48,9 @@ class Obstacles:
         level = self.low_m[triangle] < pose[row, 2] + extent_m[2]
         level &= self.high_m[triangle] > pose[row, 2] + _STEP_M
         row, triangle = row[level], triangle[level]
-        meet = triangle_meets_box(_seen_from(pose[row], self.corner_m[triangle]), half)
+        overlap = triangle_overlaps_box(_seen_from(pose[row], self.corner_m[triangle]), half)
         found = np.zeros(len(pose), dtype=np.uint32)
-        found[row[meet]] = self.instance[triangle[meet]]
+        found[row[overlap]] = self.instance[triangle[overlap]]
         return found
 
 
@@ -79,7 +79,7 @@ class _Cells:
 def _kept(
     corner: NDArray[np.float64], instance: NDArray[np.uint32], scene: Scene, cells: _Cells
 ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
-    """Return the triangles (T, 3, 3) that are low, near and no ground, and whose they are."""
+    """Return the triangles (T, 3, 3) that are low, near and not ground, and their instance ids."""
     underfoot = np.isin(scene.instance_class, [CLASSES.index(name) for name in _UNDERFOOT])
     keep = (corner[..., 2].min(axis=1) < OVERHEAD_M) & ~underfoot[instance]
     corner, instance = corner[keep], instance[keep]
@@ -96,7 +96,7 @@ def _corners(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _placed(scene: Scene, cells: _Cells) -> list[tuple[NDArray[np.float64], NDArray[np.uint32]]]:
-    """Return the triangles of everything that is placed, prototype by prototype."""
+    """Return the triangles of all placements, prototype by prototype."""
     placed, found = scene.placements, []
     for number, prototype in enumerate(scene.prototypes):
         reach = np.hypot(*prototype.extent_m[:2]) / 2 * placed.scale[:, None]
@@ -120,7 +120,7 @@ def _seen_from(pose: NDArray[np.float64], corner: NDArray[np.float64]) -> NDArra
     return np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
 
 
-def triangle_meets_box(corner: NDArray[np.float64], half: NDArray[np.float64]) -> NDArray[np.bool_]:
+def triangle_overlaps_box(corner: NDArray[np.float64], half: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return (K,) whether triangles (K, 3, 2) overlap the box from -`half` to `half` (2,) about the origin.
 
     A triangle seen edge on counts as the line that it is.

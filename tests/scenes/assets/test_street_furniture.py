@@ -9,7 +9,7 @@ from echoscape.scenes.geometry.primitives import areas
 PROTOTYPES = {proto.name: proto for proto in furniture_prototypes()}
 
 
-def test_every_class_of_furniture_is_there() -> None:
+def test_every_class_of_furniture_has_a_prototype() -> None:
     made = {proto.class_name for proto in PROTOTYPES.values()}
     assert made == {"lamp_post", "sign", "bollard", "bus_shelter", "bin", "barrier", "container", "tank"}
     assert made <= set(CLASSES)

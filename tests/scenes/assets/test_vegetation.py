@@ -27,7 +27,7 @@ def test_trees_have_wood_and_many_small_leaf_clusters(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PROTOTYPES)
-def test_crowns_let_part_of_the_rays_through(name: str) -> None:
+def test_crowns_transmit_part_of_the_rays(name: str) -> None:
     """By Beer's law the share that passes is exp(-projected leaf area / silhouette); facets lie at random."""
     leaves = PROTOTYPES[name].parts["foliage"]
     corners = leaves.vertices[leaves.faces].astype(np.float64)

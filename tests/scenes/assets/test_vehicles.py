@@ -21,7 +21,7 @@ def points(proto: Prototype) -> np.ndarray:
     return np.concatenate([part.vertices[np.unique(part.faces)] for part in proto.parts.values()])
 
 
-def test_every_kind_is_there() -> None:
+def test_every_class_has_a_prototype() -> None:
     kinds = [proto.class_name for proto in PROTOTYPES.values()]
     least = {"car": 4, "van": 2, "truck": 2, "bus": 1, "cyclist": 1, "pedestrian": 3}
     assert all(kinds.count(kind) >= count for kind, count in least.items())
@@ -76,23 +76,23 @@ def test_a_radar_nearby_sees_the_outer_side_of_every_face(name: str) -> None:
     assert np.nanmax(cosine) < 0
 
 
-def first_cosine(corners: np.ndarray, origin: np.ndarray, way: np.ndarray) -> float:
-    """Cosine of `way` and the normal of the first triangle it meets, NaN if none (Moeller, Trumbore 1997)."""
+def first_cosine(corners: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> float:
+    """Cosine of `direction` and the normal of the first triangle hit, else NaN (Moeller, Trumbore 1997)."""
     u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    p = np.cross(way, v)
+    p = np.cross(direction, v)
     det = (u * p).sum(axis=1)
     det = np.where(np.abs(det) < 1e-12, np.nan, det)
     away = origin - corners[:, 0]
     a = (away * p).sum(axis=1) / det
     q = np.cross(away, u)
-    b = (q @ way) / det
+    b = (q @ direction) / det
     distance = (v * q).sum(axis=1) / det
     hit = (a >= 0) & (b >= 0) & (a + b <= 1) & (distance > 0)
     if not hit.any():
         return np.nan
     row = np.flatnonzero(hit)[np.argmin(distance[hit])]
     normal = np.cross(u[row], v[row])
-    return float(normal @ way / np.linalg.norm(normal) / np.linalg.norm(way))
+    return float(normal @ direction / np.linalg.norm(normal) / np.linalg.norm(direction))
 
 
 def test_cars_have_glass_above_their_waist_only() -> None:

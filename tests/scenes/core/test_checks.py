@@ -41,18 +41,18 @@ CANNOT_BE = [
 
 
 @pytest.mark.parametrize(("kind", "field"), CANNOT_BE)
-def test_what_cannot_be_is_refused_by_name(kind: Any, field: dict[str, Any]) -> None:
+def test_invalid_settings_are_refused_by_name(kind: Any, field: dict[str, Any]) -> None:
     (name,) = field
     with pytest.raises(ValueError, match=f"^{name} must .*, got "):
         kind(**field)
 
 
-def test_what_is_odd_but_can_be_is_taken() -> None:
+def test_unusual_but_valid_settings_are_accepted() -> None:
     SpeedSettings(stop_chance=0.0, yield_chance=1.0, stop_range_s=(0.0, 0.0), town_cruise_mps=(5.0, 5.0, 5.0))
     RouteSettings(revisit_share=1.0)
     DriveSettings(wander_m=0.0)
     TrafficSettings(vehicles_per_km2=0.0, pedestrians_per_km2=0.0)
 
 
-def test_law_without_width_has_one_value() -> None:
+def test_distribution_without_width_has_one_value() -> None:
     assert_array_equal(triangular_quantile(np.linspace(0, 1, 5), 5.0, 5.0, 5.0), np.full(5, 5.0))

@@ -38,7 +38,7 @@ def test_pose_and_velocity_are_continuous_at_knots(seed: int, knots: int) -> Non
         assert_allclose(curve(inner - 1e-9), curve(inner + 1e-9), atol=1e-4)
 
 
-def test_knots_are_met() -> None:
+def test_knots_are_interpolated() -> None:
     track = _random(1, 6)
     assert_allclose(track.pose(track.time_s), track.state, atol=1e-12)
     assert_allclose(track.velocity(track.time_s), track.rate, atol=1e-12)
@@ -64,7 +64,7 @@ def test_stands_still_outside_its_span() -> None:
 
 
 @pytest.mark.parametrize("broken", ["order", "shape", "single", "nan"])
-def test_refuses_knots_that_make_no_motion(broken: str) -> None:
+def test_invalid_knots_are_refused(broken: str) -> None:
     time = np.array([0.0, 1.0]) if broken != "order" else np.array([1.0, 1.0])
     state = np.zeros((2, 3 if broken == "shape" else 4))
     if broken == "nan":

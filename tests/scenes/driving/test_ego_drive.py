@@ -45,7 +45,7 @@ def test_car_stays_in_its_lanes(town_roads: RoadGraph, seed: int) -> None:
     assert off.max() < 0.6
 
 
-def test_travel_tells_the_lane(blocks: RoadGraph) -> None:
+def test_travel_locates_the_lane(blocks: RoadGraph) -> None:
     drive = plan_ego_drive(blocks, seed=5, length_m=800)
     time = _clock(drive, 1.0)
     place, _ = drive.route.locate(drive.travel(time))

@@ -37,7 +37,7 @@ def test_the_file_has_the_towns_extent_with_y_upwards(town: Scene) -> None:
     assert 5.0 < high[1] < 40.0
 
 
-def test_a_placed_thing_stands_where_the_town_says(town: Scene) -> None:
+def test_a_placed_prototype_has_the_pose_of_the_scene(town: Scene) -> None:
     scene = gltf_scene(town)
     row = int(town.placements.prototype[0])
     prototype = town.prototypes[row]

@@ -32,7 +32,7 @@ def _file(folder: Path, text: str) -> Path:
     return path
 
 
-def test_keys_become_metres_and_radians(tmp_path: Path) -> None:
+def test_values_are_converted_to_metres_and_radians(tmp_path: Path) -> None:
     (plate,) = read_targets(_file(tmp_path, PLATE))
     assert isinstance(plate, Target)
     assert (plate.kind, plate.position_m, plate.size_m, plate.material) == (
@@ -45,7 +45,7 @@ def test_keys_become_metres_and_radians(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("dbsm", "m2"), [(0, 1.0), (20, 100.0), (-10, 0.1)])
-def test_decibels_become_square_metres(tmp_path: Path, dbsm: float, m2: float) -> None:
+def test_decibels_are_converted_to_square_metres(tmp_path: Path, dbsm: float, m2: float) -> None:
     text = f'[[target]]\nkind = "point"\nposition_m = [1, 2, 3]\nrcs_dbsm = {dbsm}\n'
     (point,) = read_targets(_file(tmp_path, text))
     assert isinstance(point, Target)
@@ -53,7 +53,7 @@ def test_decibels_become_square_metres(tmp_path: Path, dbsm: float, m2: float) -
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_can_be_written_down(tmp_path: Path, kind: str) -> None:
+def test_every_kind_can_be_read(tmp_path: Path, kind: str) -> None:
     size = [0.5, 2.0, 1.5][: len(KINDS[kind].sizes)]
     text = f'[[target]]\nkind = "{kind}"\nposition_m = [9, 9, 1]\n' + (f"size_m = {size}\n" if size else "")
     (target,) = read_targets(_file(tmp_path, text))
@@ -61,7 +61,7 @@ def test_every_kind_can_be_written_down(tmp_path: Path, kind: str) -> None:
     assert (target.kind, target.size_m) == (kind, tuple(size))
 
 
-def test_ten_metres_ahead_of_a_car_that_looks_north_is_ten_metres_north(tmp_path: Path) -> None:
+def test_ten_metres_ahead_of_a_car_heading_north_is_ten_metres_north(tmp_path: Path) -> None:
     text = '[[target]]\nkind = "wall"\nframe = "start"\nposition_m = [10, 2, 0.5]\nheading_deg = 180\n'
     targets = read_targets(_file(tmp_path, text + "size_m = [4, 2, 0.1]\n"))
     assert isinstance(targets[0], FromStart)
@@ -72,7 +72,7 @@ def test_ten_metres_ahead_of_a_car_that_looks_north_is_ten_metres_north(tmp_path
 
 
 @given(x=NUMBER, y=NUMBER, z=NUMBER, yaw=NUMBER, forward=NUMBER, right=NUMBER, heading=NUMBER)
-def test_distance_and_bearing_stay_wherever_the_car_starts(
+def test_distance_and_bearing_do_not_depend_on_the_start_pose(
     x: float, y: float, z: float, yaw: float, forward: float, right: float, heading: float
 ) -> None:
     near = FromStart(target=Target(kind="point", position_m=(forward, right, 1.0), heading_rad=heading))
@@ -104,21 +104,21 @@ BAD = {
     PLATE.replace("plate", "sphere").replace("{", "[1] #"): "target 1: unknown key 'elevation_deg'",
     '[[target]]\nkind = "point"\nposition_m = [0, 0, 0]\nrcs_dbsm = 1e9': "rcs_dbsm must be within -100",
     PLATE + "[[targets]]": "unknown key 'targets'; did you mean target?",
-    "": "no target in it",
+    "": "contains no",
     "target = 3": "target must be tables ([[target]]), got 3",
-    "kind = ": "no TOML",
+    "kind = ": "not valid TOML",
 }
 
 
 @pytest.mark.parametrize("text", BAD)
-def test_what_is_wrong_is_named_in_one_line(tmp_path: Path, text: str) -> None:
-    with pytest.raises(SceneError) as told:
+def test_errors_name_the_key_in_one_line(tmp_path: Path, text: str) -> None:
+    with pytest.raises(SceneError) as message:
         read_targets(_file(tmp_path, text))
-    assert "targets.toml: " in str(told.value)
-    assert BAD[text] in str(told.value)
-    assert "\n" not in str(told.value)
+    assert "targets.toml: " in str(message.value)
+    assert BAD[text] in str(message.value)
+    assert "\n" not in str(message.value)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"none\.toml: cannot be read \(No such file"):
         read_targets(tmp_path / "none.toml")

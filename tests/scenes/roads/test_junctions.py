@@ -88,7 +88,7 @@ def test_towns_have_roundabouts_and_dead_ends_and_lanes_that_yield() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("preset", sorted(PRESETS))
 @pytest.mark.parametrize("seed", range(100, 106))
-def test_any_seed_gives_a_sound_graph(preset: str, seed: int) -> None:
+def test_any_seed_gives_a_valid_graph(preset: str, seed: int) -> None:
     roads = graph_of(preset, seed)
     check_joins(roads)
     check_strongly_connected(roads)

@@ -58,7 +58,7 @@ def test_streets_curve_gently_and_do_not_cross_outside_junctions(network: Networ
             assert min(distance, default=np.inf) < 1.0
 
 
-def test_equal_seeds_grow_equal_streets() -> None:
+def test_equal_seeds_give_equal_streets() -> None:
     first, second = (
         subdivided_network(SubdivisionSettings(), rng=np.random.default_rng(3)) for _ in range(2)
     )
@@ -66,7 +66,7 @@ def test_equal_seeds_grow_equal_streets() -> None:
 
 
 @pytest.mark.parametrize(("aside_m", "radius_m"), [(1.6, 7.0), (1.4, 4.8), (4.8, 30.0)])
-def test_a_bulb_turns_half_round_at_its_radius(aside_m: float, radius_m: float) -> None:
+def test_a_turnaround_turns_by_pi_at_its_radius(aside_m: float, radius_m: float) -> None:
     line = bulb(aside_m, radius_m, side_radius_m=2 * radius_m)
     heading = headings(line)
     assert heading[-1] - heading[0] == pytest.approx(np.pi, abs=5e-3)  # chords of 0.25 m

@@ -105,7 +105,7 @@ def test_every_country_object_has_one_id_and_a_class(country: Scene) -> None:
     check_instances(country)
 
 
-def test_a_town_has_all_that_towns_have(town: Scene) -> None:
+def test_a_town_has_objects_of_all_its_classes(town: Scene) -> None:
     present = {CLASSES[number] for number in np.unique(town.instance_class)}
     wanted = "ground road pavement kerb building wall fence hedge tree lamp_post sign bollard bin car van"
     assert present >= set(wanted.split())
@@ -113,13 +113,13 @@ def test_a_town_has_all_that_towns_have(town: Scene) -> None:
     assert (x1 - x0) * (y1 - y0) > 1.0e6
 
 
-def test_a_town_is_neither_poor_nor_too_heavy(town: Scene) -> None:
+def test_a_town_has_a_sensible_number_of_objects_and_triangles(town: Scene) -> None:
     faces = np.array([sum(len(mesh.faces) for mesh in p.parts.values()) for p in town.prototypes])
     total = sum(len(mesh.faces) for mesh in town.static.values()) + faces[town.placements.prototype].sum()
     assert 0.8e6 < total < 2.8e6
 
 
-def test_kerbs_stand_a_hand_high(town: Scene) -> None:
+def test_kerbs_have_their_height(town: Scene) -> None:
     paving = town.static["paving"]
     kerb = town.instance_class[paving.instance] == CLASSES.index("kerb")
     heights = paving.vertices[paving.faces[kerb]][..., 2]
@@ -134,7 +134,7 @@ def test_ground_faces_upwards(town: Scene) -> None:
         assert np.all(np.cross(b - a, c - a)[:, 2] > 0)
 
 
-def test_walks_keep_off_roads_and_out_of_buildings(town: Scene) -> None:
+def test_footpaths_keep_off_roads_and_out_of_buildings(town: Scene) -> None:
     assert len(town.roads.footpaths) > 20
     lines = [shapely.LineString(walk) for walk in town.roads.footpaths]
     lanes = [shapely.LineString(lane.centre[::2]).buffer(1.5) for lane in town.roads.lanes]
@@ -155,7 +155,7 @@ def test_one_seed_gives_one_town_and_another_seed_another(country: Scene) -> Non
 
 
 @pytest.mark.slow
-def test_one_seed_gives_one_built_up_town(town: Scene) -> None:
+def test_one_seed_gives_one_town_with_all_objects(town: Scene) -> None:
     check_alike(town, build_town("town", seed=7))
 
 
@@ -167,7 +167,7 @@ def test_unknown_presets_are_refused_by_name() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("preset", sorted(PRESETS))
 @pytest.mark.parametrize("seed", range(20, 24))
-def test_any_seed_builds_a_sound_town(preset: str, seed: int) -> None:
+def test_any_seed_builds_a_valid_town(preset: str, seed: int) -> None:
     built = build_town(preset, seed=seed)
     check_instances(built)
     check_clear_lanes(built)

@@ -48,7 +48,7 @@ def check(parts: dict[str, Mesh], footprint: np.ndarray, height_m: float) -> Non
 @pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("outline", [RECTANGLE, L_SHAPE], ids=["rectangle", "l_shape"])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_buildings_stay_on_their_plot_and_below_their_limit(
+def test_buildings_stay_within_their_overhang_and_height_limit(
     style: Style, outline: np.ndarray, seed: int
 ) -> None:
     parts = building(outline, height_m=HEIGHT_M[style], style=style, rng=np.random.default_rng(seed))
@@ -65,7 +65,7 @@ def test_buildings_stay_on_their_plot_and_below_their_limit(
     seed=st.integers(0, 1000),
 )
 @settings(max_examples=100, deadline=None)
-def test_any_mild_quadrilateral_makes_a_sound_building(
+def test_any_convex_quadrilateral_makes_a_valid_building(
     corner: list[float], size: tuple[float, float], turn: float, style: Style, facades: list[bool], seed: int
 ) -> None:
     outline = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size + np.reshape(corner, (4, 2))
@@ -112,7 +112,7 @@ def test_wall_area_is_the_wall_less_its_openings() -> None:
     np.testing.assert_allclose(panes(openings)[..., 2], -0.2)
 
 
-def test_reveals_look_into_their_opening() -> None:
+def test_reveals_face_their_opening() -> None:
     openings = grid(low=[1.0], high=[2.5], left=[1.0], right=[2.0], depth_m=0.2)
     made = pierced_wall(4.0, 4.0, [openings])
     normal = normals(made)
@@ -129,18 +129,18 @@ def test_ribs_close_the_wall_and_stand_out_by_their_depth() -> None:
     np.testing.assert_allclose((made[:, 1, 0] - made[:, 0, 0]).sum(), 9.0)
 
 
-def test_grown_moves_every_edge_by_its_distance() -> None:
+def test_offset_outline_moves_every_edge_by_its_distance() -> None:
     assert signed_area(offset_outline(RECTANGLE, 1.0)) == pytest.approx(20 * 13)
     assert signed_area(offset_outline(RECTANGLE, np.array([1.0, 0.0, 0.0, 0.0]))) == pytest.approx(18 * 12)
 
 
-def first_hits(parts: dict[str, Mesh], origin: np.ndarray, way: np.ndarray) -> np.ndarray:
+def first_hits(parts: dict[str, Mesh], origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Cosine of each ray (R, 3) and the normal of what it meets first, NaN if nothing."""
     corners = np.concatenate([part.vertices[part.faces] for part in parts.values()]).astype(np.float64)
     u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(u, v)
     cosine = np.full(len(origin), np.nan)
-    for ray, (start, along) in enumerate(zip(origin, way, strict=True)):
+    for ray, (start, along) in enumerate(zip(origin, direction, strict=True)):
         det = -(normal @ along)
         det = np.where(np.abs(det) < 1e-12, np.nan, det)
         away = start - corners[:, 0]
