@@ -21,6 +21,8 @@ from tests.paths import ROOT
 SOURCES = sources_of(ROOT)
 GRAPH = import_graph(SOURCES)
 MODULES = sorted(str(path.relative_to(ROOT)) for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
+HELPERS = sorted(str(path.relative_to(ROOT / "tests")) for path in (ROOT / "tests").rglob("*.py"))
+"""Modules of the tests, which may have tests of their own."""
 TESTS = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests").rglob("test_*.py"))
 
 # ---------------------------------------------------------------------- the project
@@ -56,7 +58,7 @@ def test_no_folder_is_crowded() -> None:
 
 
 def test_tests_lie_where_their_modules_lie() -> None:
-    assert unmirrored_tests(TESTS, MODULES) == []
+    assert unmirrored_tests(TESTS, [*MODULES, *(each for each in HELPERS if "test_" not in each)]) == []
     assert untested_packages(TESTS, MODULES) == []
 
 

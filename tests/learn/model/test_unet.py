@@ -20,7 +20,7 @@ from echoscape.learn.model.keypoint_model import (
     unit,
 )
 from echoscape.learn.model.model_settings import Pooling
-from echoscape.learn.model.ops.inference import upsampled_above
+from echoscape.learn.model.ops.inference import blurred_maxima
 from echoscape.learn.model.unet import FastDecoder, FastEncoder
 from tests.learn.maps import drawn_maps, drawn_points, oblong_maps
 
@@ -111,17 +111,7 @@ def test_resizing_goes_by_areas_everywhere() -> None:
 @pytest.mark.parametrize("shape", [(2, 3, 8, 12), (1, 1, 2, 2), (1, 8, 16, 2)])
 def test_blurred_maxima_are_the_same_where_no_gradient_is_asked_for(shape: tuple[int, ...]) -> None:
     values = torch.randn(shape, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
-    plain = blurred_max_pool(values.clone().requires_grad_())
-    assert_allclose(blurred_max_pool(values), plain.detach(), atol=1e-12)
-
-
-@pytest.mark.parametrize("shape", [(2, 3, 4, 6), (1, 1, 1, 1), (1, 5, 1, 3)])
-def test_upsampling_beside_finer_maps_is_that_of_interpolation(shape: tuple[int, ...]) -> None:
-    draws = torch.Generator().manual_seed(6)
-    coarse = torch.randn(shape, generator=draws, dtype=torch.float64)
-    fine = torch.randn((shape[0], 2, 2 * shape[2], 2 * shape[3]), generator=draws, dtype=torch.float64)
-    plain = torch.cat([interpolate(coarse, scale_factor=2, mode="bilinear", align_corners=False), fine], 1)
-    assert_allclose(upsampled_above(coarse, fine), plain, atol=1e-12)
+    assert_allclose(blurred_maxima(values), blurred_max_pool(values), atol=1e-12)
 
 
 @pytest.mark.parametrize("pooling", ["max", "blurred"])
