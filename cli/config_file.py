@@ -30,8 +30,8 @@ def words_of_config(kind: type[Any], path: Path) -> list[str]:
         The words, such as ["--scans=40", "--artefacts.ghosts=0.5"].
 
     Raises:
-        ConfigFileError: The file cannot be read or is not valid TOML, a key is no option, or a value has another
-            type than the option.
+        ConfigFileError: The file cannot be read or is not valid TOML, a key is not an option, or a value has
+            another type than the option.
     """
     try:
         return _words(option_types(kind), read_toml(path), "")

@@ -55,8 +55,8 @@ class Options:
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where to train; auto takes a GPU where PyTorch finds one."""
     threads: int | None = None
-    """Threads on the CPU. By default as many as the run to --resume had; else OMP_NUM_THREADS; else the physical
-    cores less the load of the last minute. Another number changes the last digits of the weights."""
+    """Threads on the CPU. By default as many as the run to --resume had; else OMP_NUM_THREADS; else the
+    physical cores less the load of the last minute. Another number changes the last digits of the weights."""
     resume: bool = False
     """Continue the run in OUT."""
     config: Path | None = None

@@ -71,13 +71,24 @@ def test_learned_run_writes_its_matches(points: Path, weights: Path, tmp_path: P
     assert (out / "matches.png").is_file()
 
 
-def test_the_robust_solver_without_compensation_is_chosen_by_options(
-    points: Path, weights: Path, tmp_path: Path
+@pytest.mark.parametrize(
+    ("options", "method"),
+    [
+        ("", "learned"),
+        ("--solver keyframe --no-compensate", "learned, not compensated"),
+        ("--solver robust", "learned, robust"),
+        ("--solver robust --no-compensate", "learned, robust, not compensated"),
+        ("--solver paper", "learned, paper"),
+        ("--solver paper --device cpu", "learned, paper"),
+    ],
+)
+def test_solver_and_compensation_are_chosen_by_options(
+    points: Path, weights: Path, tmp_path: Path, options: str, method: str
 ) -> None:
     out = tmp_path / "out"
     words = ["odometry", str(points), "--out", str(out), "--weights", str(weights)]
-    assert main([*words, "--solver", "robust", "--no-compensate"]) == 0
-    assert json.loads((out / "metrics.json").read_text())["method"] == "learned, robust, not compensated"
+    assert main([*words, *options.split()]) == 0
+    assert json.loads((out / "metrics.json").read_text())["method"] == method
 
 
 def test_the_doppler_shift_is_that_of_the_sensor(
@@ -96,7 +107,13 @@ def test_the_doppler_shift_is_that_of_the_sensor(
     assert asked == [pytest.approx(CTS350X.doppler_beta_s), None]
 
 
-@pytest.mark.parametrize("flag", [("--solver", "robust"), ("--loop-pairs", "3"), ("--resolution", "0.3456")])
+@pytest.mark.parametrize(
+    "flag",
+    [
+        *(("--solver", "robust"), ("--loop-pairs", "3"), ("--resolution", "0.3456"), ("--threads", "2")),
+        *(("--device", "cpu"), ("--no-compensate",)),
+    ],
+)
 def test_what_only_the_learned_method_has_is_refused_with_others(
     flag: tuple[str, ...], points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -113,6 +130,13 @@ def test_learned_method_without_weights_says_what_to_do(
     assert "--weights" in line
     assert "--method fourier" in line
     assert not (tmp_path / "out").exists()
+
+
+def test_loop_pairs_need_a_matcher_of_single_pairs(
+    points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = (str(points), "--out", str(tmp_path / "out"), "--loop-pairs", "3", "--solver", "paper")
+    assert "--loop-pairs goes with --solver keyframe or robust" in refusal(capsys, *words)
 
 
 def test_run_in_which_every_pair_fails_is_written_and_fails(

@@ -74,7 +74,7 @@ def test_weights_carry_their_settings_and_their_training(data: TrainingData, tmp
 
 def test_damaged_weights_are_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "bad.safetensors").write_bytes(b"no weights at all")
-    with pytest.raises(DatasetError, match=r"bad\.safetensors: is no model"):
+    with pytest.raises(DatasetError, match=r"bad\.safetensors: cannot be read as a model"):
         load_weights(tmp_path / "bad.safetensors")
     with pytest.raises(DatasetError, match=r"absent\.safetensors"):
         load_weights(tmp_path / "absent.safetensors")
