@@ -84,9 +84,8 @@ def _trunk(tree: Tree, rng: np.random.Generator) -> Mesh:
         tube((0, 0, 0.25), fork, radius, 0.75 * radius, sides=8),
         tube(fork, (0, 0, top), 0.75 * radius, 0.2 * radius, sides=6),
     ]
-    angles = 2.4 * np.arange(tree.branches) + rng.uniform(
-        0.0, 0.5, tree.branches
-    )  # golden angle: no two aligned
+    # Steps of the golden angle: no two branches are aligned.
+    angles = 2.4 * np.arange(tree.branches) + rng.uniform(0.0, 0.5, tree.branches)
     heights = np.linspace(max(base, 0.3 * tree.crown_centre_m), top, tree.branches, endpoint=False)
     for angle, height in zip(angles, heights, strict=True):
         reach = (

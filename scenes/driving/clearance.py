@@ -110,7 +110,8 @@ def _triangles(scene: Scene, first_instance: int) -> tuple[NDArray[np.float64], 
         corners.append(mesh.vertices[mesh.faces[chosen]].astype(np.float64))
         instances.append(mesh.instance[chosen])
     for placed in scene.targets:
-        if placed.target.kind == "point" and placed.instance >= first_instance:  # point targets have no mesh
+        # Point targets have no mesh.
+        if placed.target.kind == "point" and placed.instance >= first_instance:
             corners.append(np.tile(np.array(placed.target.position_m), (1, 3, 1)))
             instances.append(np.array([placed.instance], np.uint32))
     return np.concatenate(corners), np.concatenate(instances)

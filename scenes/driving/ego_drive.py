@@ -28,8 +28,11 @@ from echoscape.scenes.driving.speed_profile import (
 )
 
 LENGTH_RANGE_M = (10.0, 20_000.0)
+"""Shortest and longest drive [m]."""
 DURATION_RANGE_S = (0.5, 7_200.0)
+"""Shortest and longest drive [s]."""
 EGO_EXTENT_M = (4.8, 2.0, 1.5)
+"""Length, width and height of the ego vehicle [m]."""
 
 _STEP_M = 0.25
 _SPARE_M = 80.0

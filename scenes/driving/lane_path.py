@@ -134,9 +134,8 @@ def slow_noise(count: int, *, sigma: float, rng: np.random.Generator) -> NDArray
     pad = int(np.ceil(_TRUNCATE * sigma))
     white = rng.standard_normal(count + 2 * pad)
     smooth = gaussian_filter1d(white, sigma, truncate=_TRUNCATE)[pad : pad + count]
-    return smooth * np.sqrt(
-        2 * np.sqrt(np.pi) * sigma
-    )  # a Gaussian kernel passes 1 / (2 sqrt(pi) sigma) of white
+    # The kernel reduces the variance of white noise to 1 / (2 sqrt(pi) sigma).
+    return smooth * np.sqrt(2 * np.sqrt(np.pi) * sigma)
 
 
 def _uniform(

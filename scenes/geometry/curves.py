@@ -56,7 +56,7 @@ def points_at(line: Line, distance_m: NDArray[np.float64]) -> Line:
     return np.stack([np.interp(distance_m, along, line[:, axis]) for axis in range(2)], axis=-1)
 
 
-def part(line: Line, start_m: float, end_m: float) -> Line:
+def section(line: Line, start_m: float, end_m: float) -> Line:
     """Cut a section out of a line.
 
     Args:
@@ -151,7 +151,7 @@ def smallest_radius(line: Line) -> float:
     return float(1.0 / max(np.max(2 * bend / (length[1:] + length[:-1])), 1e-9))
 
 
-def turn(before: Line, after: Line, *, step_m: float = 0.1) -> Line:
+def connecting_curve(before: Line, after: Line, *, step_m: float = 0.1) -> Line:
     """Return a smooth curve that connects two lines.
 
     A quintic Hermite curve with matching position, direction and curvature. Its speeds at the two ends are
@@ -167,11 +167,11 @@ def turn(before: Line, after: Line, *, step_m: float = 0.1) -> Line:
         The curve (N, 2) [m].
     """
     ends = (np.ascontiguousarray(line, np.float64) for line in (before[-_END_POINTS:], after[:_END_POINTS]))
-    return _turn(*(line.tobytes() for line in ends), step_m).copy()
+    return _connecting_curve(*(line.tobytes() for line in ends), step_m).copy()
 
 
 @lru_cache(maxsize=4096)
-def _turn(before_bytes: bytes, after_bytes: bytes, step_m: float) -> Line:
+def _connecting_curve(before_bytes: bytes, after_bytes: bytes, step_m: float) -> Line:
     """Return the curve between two lines that are given as the bytes of their (P, 2) float64 points."""
     before, after = (np.frombuffer(points).reshape(-1, 2) for points in (before_bytes, after_bytes))
     start, end = before[-1], after[0]
@@ -217,7 +217,7 @@ def _peak_curvature(lines: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.max(2 * bend / (length[:, 1:] + length[:, :-1]), axis=1)
 
 
-def bulb(offset_m: float, radius_m: float, *, side_radius_m: float = 9.0, step_m: float = 0.25) -> Line:
+def turnaround(offset_m: float, radius_m: float, *, side_radius_m: float = 9.0, step_m: float = 0.25) -> Line:
     """Return a turnaround: a U-turn to the left that first swings out to the right.
 
     It leads from (0, -offset_m) with heading +x to (0, offset_m) with heading -x.
@@ -255,7 +255,7 @@ def bulb(offset_m: float, radius_m: float, *, side_radius_m: float = 9.0, step_m
     return resampled(line, step_m)
 
 
-def placed(line: Line, origin: Line, heading_rad: float) -> Line:
+def transformed(line: Line, origin: Line, heading_rad: float) -> Line:
     """Rotate a line and move it to a place.
 
     Args:

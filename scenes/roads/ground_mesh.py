@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.core.scene import Mesh
-from echoscape.scenes.geometry.curves import part
+from echoscape.scenes.geometry.curves import section
 from echoscape.scenes.roads.junctions import ROUNDABOUT_RADIUS_M, TrimLengths
 from echoscape.scenes.roads.street_network import Network
 
@@ -40,14 +40,14 @@ class Ground:
         corridor: Carriageways and pavements.
         land: The whole area of the scene.
         streets: Carriageway of each street.
-        crossings: Carriageway of each junction; streets and junctions do not overlap.
+        junctions: Carriageway of each junction; streets and junctions do not overlap.
     """
 
     carriageway: BaseGeometry
     corridor: BaseGeometry
     land: BaseGeometry
     streets: tuple[BaseGeometry, ...]
-    crossings: tuple[BaseGeometry, ...]
+    junctions: tuple[BaseGeometry, ...]
 
 
 def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margin_m: float) -> Ground:
@@ -65,7 +65,7 @@ def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margi
     middles = [LineString(street.line) for street in network.streets]
     swept = [
         LineString(
-            part(street.line, _end_m(network, street.start), street.length_m - _end_m(network, street.end))
+            section(street.line, _end_m(network, street.start), street.length_m - _end_m(network, street.end))
         ).buffer(street.type.half_width_m, cap_style="flat")
         for street in network.streets
     ]
@@ -87,7 +87,7 @@ def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margi
         land = box(*land.bounds)
     land = shapely.union_all([Polygon(p.exterior) for p in polygons(land.simplify(0.5))])
     streets, crossings = _pieces(network, trims, carriageway)
-    return Ground(carriageway=carriageway, corridor=corridor, land=land, streets=streets, crossings=crossings)
+    return Ground(carriageway=carriageway, corridor=corridor, land=land, streets=streets, junctions=crossings)
 
 
 def _end_m(network: Network, junction: int) -> float:
@@ -123,7 +123,7 @@ def _pieces(
     shapely.prepare(carriageway)
     streets = []
     for street, cut in zip(network.streets, trims, strict=True):
-        line = LineString(part(street.line, cut[0], street.length_m - cut[1]))
+        line = LineString(section(street.line, cut[0], street.length_m - cut[1]))
         streets.append(
             line.buffer(street.type.half_width_m + 0.5, cap_style="flat").intersection(carriageway)
         )
@@ -138,7 +138,7 @@ def _pieces(
     return tuple(streets), crossings
 
 
-def flat(shape: BaseGeometry, height_m: float) -> Mesh | None:
+def level_mesh(shape: BaseGeometry, height_m: float) -> Mesh | None:
     """Make a level mesh that faces up.
 
     Args:
@@ -164,7 +164,7 @@ def flat(shape: BaseGeometry, height_m: float) -> Mesh | None:
     return Mesh(vertices=raised.reshape(-1, 3).astype(np.float32), faces=faces)
 
 
-def rings(shape: BaseGeometry) -> list[NDArray[np.float64]]:
+def boundaries(shape: BaseGeometry) -> list[NDArray[np.float64]]:
     """Return the closed boundaries of a shape.
 
     Args:
@@ -192,7 +192,7 @@ def kerb_runs(carriageway: BaseGeometry, *, height_m: float, run_m: float = 60.0
         The meshes.
     """
     runs = []
-    for rim in rings(carriageway):
+    for rim in boundaries(carriageway):
         away = _away(rim) * KERB_WIDTH_M
         along = np.cumsum(np.hypot(*np.diff(rim, axis=0).T)) // run_m
         starts = np.flatnonzero(np.diff(along, prepend=-1.0))
@@ -244,7 +244,7 @@ def footpath_lines(ground: Ground, *, inside_m: float = 1.48) -> tuple[NDArray[n
     if ground.corridor.area - ground.carriageway.area < 1000.0:
         return ()
     lines = []
-    for rim in rings(ground.carriageway.buffer(inside_m).simplify(0.05)):
+    for rim in boundaries(ground.carriageway.buffer(inside_m).simplify(0.05)):
         ring = LinearRing(rim)
         if ring.length > 90.0 and ground.corridor.buffer(0.01).contains(ring):
             lines.append(np.asarray(ring.segmentize(2.0).coords)[::1, :2])

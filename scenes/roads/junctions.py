@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.geometry.curves import (
     Line,
-    bulb,
     headings,
     offset,
-    part,
-    placed,
     resampled,
+    section,
     smallest_radius,
+    transformed,
+    turnaround,
 )
 from echoscape.scenes.roads.lane_graph_builder import LaneGraphBuilder
 from echoscape.scenes.roads.street_network import Network, Street
@@ -155,7 +155,7 @@ def _street_lanes(
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Add the lanes of a street and return those forward and those backward, innermost first."""
     kind = street.type
-    line = resampled(part(street.line, trims[0], street.length_m - trims[1]), 0.5)
+    line = resampled(section(street.line, trims[0], street.length_m - trims[1]), 0.5)
     forward, backward = [], []
     for number in range(kind.lanes):
         aside = (number + 0.5) * kind.lane_width_m
@@ -174,7 +174,9 @@ def _add_dead_end(builder: LaneGraphBuilder, street: Street, junction: int, arm:
         outward = start - end
         heading = float(np.arctan2(-outward[0], outward[1]))
         aside = float(np.linalg.norm(outward)) / 2
-        line = placed(bulb(aside, max(TURNAROUND_RADIUS_M, aside + 3.0)), (start + end) / 2, heading)
+        line = transformed(
+            turnaround(aside, max(TURNAROUND_RADIUS_M, aside + 3.0)), (start + end) / 2, heading
+        )
         line[0], line[-1] = end, start
         lane = builder.add(line, "u_turn", width_m=street.type.lane_width_m, speed_mps=5.0, junction=junction)
         builder.join(before, lane)

@@ -1,6 +1,6 @@
 """Builds a road graph lane by lane: adds lanes, connects them, and limits the speed in bends.
 
-Connecting lanes are smooth curves, see `scenes.geometry.curves.turn`.
+Connecting lanes are smooth curves, see `scenes.geometry.curves.connecting_curve`.
 """
 
 from dataclasses import replace
@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from echoscape.scenes.core.lane_graph import Lane, LaneKind, RoadGraph
-from echoscape.scenes.geometry.curves import Line, smallest_radius, turn
+from echoscape.scenes.geometry.curves import Line, connecting_curve, smallest_radius
 
 _LATERAL_MPS2 = 2.0
 """Lateral acceleration that sets the speed limit of a bend [m/s^2]."""
@@ -90,7 +90,7 @@ class LaneGraphBuilder:
         """
         first, second = self._lanes[before], self._lanes[after]
         lane = self.add(
-            turn(first.centre, second.centre),
+            connecting_curve(first.centre, second.centre),
             kind,
             width_m=min(first.width_m, second.width_m),
             speed_mps=min(first.speed_limit_mps, second.speed_limit_mps),

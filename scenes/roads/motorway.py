@@ -17,11 +17,11 @@ from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.geometry.curves import (
     Line,
     arc_length,
-    bulb,
     left_normals,
-    placed,
     points_at,
     resampled,
+    transformed,
+    turnaround,
 )
 from echoscape.scenes.roads.ground_mesh import Ground, polygons
 from echoscape.scenes.roads.lane_graph_builder import LaneGraphBuilder
@@ -161,7 +161,7 @@ def _loop(builder: LaneGraphBuilder, before: int, after: int) -> None:
     aside = float(np.linalg.norm(outward)) / 2
     radius = min(_LOOP_M.items(), key=lambda item: abs(item[0] - aside))[1]
     heading = float(np.arctan2(-outward[0], outward[1]))
-    line = placed(bulb(aside, radius, side_radius_m=70.0), (start + end) / 2, heading)
+    line = transformed(turnaround(aside, radius, side_radius_m=70.0), (start + end) / 2, heading)
     line[0], line[-1] = end, start
     lane = builder.add(line, "u_turn", width_m=_LANE_M, speed_mps=_SLIP_MPS, junction=3)
     builder.join(before, lane)
@@ -184,5 +184,5 @@ def _ground(middle: Line, roads: RoadGraph, margin_m: float) -> Ground:
         corridor=carriageway,
         land=land,
         streets=(main.intersection(carriageway),),
-        crossings=tuple(rest),
+        junctions=tuple(rest),
     )

@@ -15,12 +15,12 @@ from echoscape.scenes.core.scene import Scene
 from echoscape.scenes.roads.ground_mesh import (
     KERB_WIDTH_M,
     Ground,
-    flat,
+    boundaries,
     footpath_lines,
     footpath_strips,
     ground_plan,
     kerb_runs,
-    rings,
+    level_mesh,
 )
 from echoscape.scenes.roads.junctions import TrimLengths, road_graph
 from echoscape.scenes.roads.motorway import motorway
@@ -97,7 +97,7 @@ def _streets(builder: SceneBuilder, settings: Preset, seed: int) -> tuple[RoadGr
         fill_blocks(builder, occupied, ground, network, settings, seeds=_stage(seed, 1))
     if settings.layout == "country":
         dress_country_roads(builder, occupied, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
-    return replace(roads, footpaths=walks, kerbs=tuple(rings(ground.carriageway))), ground
+    return replace(roads, footpaths=walks, kerbs=tuple(boundaries(ground.carriageway))), ground
 
 
 def _motorway(builder: SceneBuilder, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
@@ -105,7 +105,7 @@ def _motorway(builder: SceneBuilder, settings: Preset, seed: int) -> tuple[RoadG
     layout = motorway(rng=np.random.default_rng(_stage(seed, 0)), margin_m=settings.margin_m)
     lay_ground(builder, layout.ground, settings)
     dress_motorway(builder, OccupiedArea(), layout, rng=np.random.default_rng(_stage(seed, 3)))
-    return replace(layout.roads, kerbs=tuple(rings(layout.ground.carriageway))), layout.ground
+    return replace(layout.roads, kerbs=tuple(boundaries(layout.ground.carriageway))), layout.ground
 
 
 def _stage(seed: int, stage: int) -> np.random.SeedSequence:
@@ -129,8 +129,8 @@ def lay_ground(builder: SceneBuilder, ground: Ground, settings: Preset) -> None:
         settings: The preset.
     """
     high = settings.kerb_height_m
-    for piece in (*ground.streets, *ground.crossings):
-        surface = flat(piece, 0.0)
+    for piece in (*ground.streets, *ground.junctions):
+        surface = level_mesh(piece, 0.0)
         if surface is not None:
             builder.add("road", {"asphalt": surface})
     inner = ground.carriageway
@@ -138,10 +138,10 @@ def lay_ground(builder: SceneBuilder, ground: Ground, settings: Preset) -> None:
         for run in kerb_runs(ground.carriageway, height_m=high):
             builder.add("kerb", {"paving": run})
         inner = ground.carriageway.buffer(KERB_WIDTH_M, join_style="mitre", mitre_limit=2.0)
-    paved = flat(ground.corridor.difference(inner), high)
+    paved = level_mesh(ground.corridor.difference(inner), high)
     if paved is not None:
         builder.add("pavement", {"paving": paved})
     for block in blocks_of(ground):
-        soil = flat(block, high)
+        soil = level_mesh(block, high)
         if soil is not None:
             builder.add("ground", {"soil": soil})

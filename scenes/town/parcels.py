@@ -132,9 +132,8 @@ def _build(
     """Add a building on a footprint."""
     detached = rule.side_gap_m[1] > 0
     high = height if not detached else height + float(rng.uniform(-0.4, 0.4))
-    facades = (
-        None if detached else [True, False, False, False]
-    )  # the backs of rows are invisible from the road
+    # The backs of rows are invisible from the road.
+    facades = None if detached else [True, False, False, False]
     made = building(footprint, height_m=high, style=rule.style, rng=rng, facades=facades)
     builder.add("building", made)
     block.occupied.add(Polygon(footprint))

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.scene import Prototype
-from echoscape.scenes.geometry.curves import Line, arc_length, headings, left_normals, part, points_at
+from echoscape.scenes.geometry.curves import Line, arc_length, headings, left_normals, points_at, section
 from echoscape.scenes.roads.ground_mesh import Ground
 from echoscape.scenes.roads.junctions import TrimLengths
 from echoscape.scenes.roads.street_network import Network, Street
@@ -57,7 +57,7 @@ def dress_streets(
     base_extents = {prototype.name: base_extent(prototype) for prototype in builder.prototypes}
     for street, cut, child in zip(network.streets, trims, seeds.spawn(len(network.streets)), strict=True):
         rng = np.random.default_rng(child)
-        line = part(street.line, cut[0], street.length_m - cut[1])
+        line = section(street.line, cut[0], street.length_m - cut[1])
         if street.type.pavement_m > 0:
             for side in (line[::-1], line):  # to the right of travel in both directions
                 pavement = Pavement(

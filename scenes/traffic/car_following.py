@@ -9,8 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 NO_LANE = -2
+"""Stands for a lane id where there is none."""
 FAR_M = 1e4
+"""Stands for the distance to a vehicle or lane where there is none [m]."""
 MAX_ACCELERATION_MPS2 = 1.6
+"""Maximum acceleration a of the model [m/s^2]."""
 
 _EMPTY_SLOT = -3
 _HEADWAY_S = 1.4

@@ -165,9 +165,9 @@ class _TrafficState:
             lane = self.ahead[vehicle][0]
             if self.tables.inside[lane] or self.crossings.holds(vehicle, lane):
                 continue
-            way = self.ego.lanes_from(lane, self.now)
-            if way and self.fleet.may_use[vehicle, way].all():
-                self.ahead[vehicle] = way
+            path = self.ego.lanes_from(lane, self.now)
+            if path and self.fleet.may_use[vehicle, path].all():
+                self.ahead[vehicle] = path
                 self._plan(vehicle)
         return pressed
 

@@ -105,9 +105,8 @@ def pedestrian_track(loop: WalkingLoop, *, start_m: float, pace_mps: float, dura
     around = loop.arc_m[-1]
     at = start_m + pace_mps * time
     xy, tangent, bend = (spline(at % around, nu=order) for order in (0, 1, 2))
-    yaw = np.unwrap(
-        np.arctan2(tangent[:, 1], tangent[:, 0])
-    )  # the heading changes by 1.1 rad at most between knots
+    # Between knots the heading changes by 1.1 rad at most, so it can be unwrapped.
+    yaw = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
     yaw_rate = (tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]) / np.sum(tangent**2, axis=-1)
     height = np.full_like(time, PAVEMENT_M)
     state = np.stack([*xy.T, height, yaw], axis=-1)

@@ -23,9 +23,8 @@ KERB_M = 0.4
 
 _STEP_M = 0.5
 _OVERHANG_M = 0.05
-_MIRROR_M = (
-    0.1  # width that may overhang a kerb: street furniture keeps that distance (scenes.town.streetscape)
-)
+_MIRROR_M = 0.1
+"""Width that may overhang a kerb; street furniture keeps that distance (`scenes.town.streetscape`) [m]."""
 _APART_M = 20.0
 _SMALLEST_SHARE = 0.15
 _STREET_POINTS = 51
@@ -133,12 +132,12 @@ class _JunctionPath(NamedTuple):
 
 def _junction_paths(network: LaneNetwork) -> Iterator[list[Lane]]:
     """Yield every path through a junction, including the adjacent ends of the two streets."""
-    grow = [[lane] for lane in network.lanes if lane.kind == "street"]
-    while grow:
-        path = grow.pop()
+    unfinished = [[lane] for lane in network.lanes if lane.kind == "street"]
+    while unfinished:
+        path = unfinished.pop()
         for after in (network.lanes[number] for number in path[-1].successors):
             if after.kind != "street" and all(after.id != lane.id for lane in path):
-                grow.append([*path, after])
+                unfinished.append([*path, after])
             elif after.kind == "street" and len(path) > 1:
                 first = replace(path[0], centre=path[0].centre[-_STREET_POINTS:])
                 yield [first, *path[1:], replace(after, centre=after.centre[:_STREET_POINTS])]

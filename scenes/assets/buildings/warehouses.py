@@ -51,9 +51,8 @@ def _hall_doors(builder: BuildingBuilder, frame: Frame) -> NDArray[np.float64]:
         is_dock = number >= count - 2 and count > 2
         low = 1.1 if is_dock else 0.0
         opening = grid(low=[low], high=[top], left=[left], right=[right], depth_m=0.25)
-        reveal = facade.pierced_wall(frame.length_m, top, [opening])[
-            4:
-        ]  # only the reveals; the sheet surrounds them
+        # The first four quads are the wall itself, which the sheet replaces.
+        reveal = facade.pierced_wall(frame.length_m, top, [opening])[4:]
         builder.add(
             "metal", frame.to_world(np.concatenate([reveal, facade.slats(left, right, low, top, -0.25)]))
         )

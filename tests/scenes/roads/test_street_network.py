@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from echoscape.scenes.geometry.curves import bulb, headings, smallest_radius
+from echoscape.scenes.geometry.curves import headings, smallest_radius, turnaround
 from echoscape.scenes.roads.street_network import Network
 from echoscape.scenes.roads.subdivision import SubdivisionSettings, subdivided_network
 from echoscape.scenes.town.presets import PRESETS
@@ -67,7 +67,7 @@ def test_equal_seeds_give_equal_streets() -> None:
 
 @pytest.mark.parametrize(("aside_m", "radius_m"), [(1.6, 7.0), (1.4, 4.8), (4.8, 30.0)])
 def test_a_turnaround_turns_by_pi_at_its_radius(aside_m: float, radius_m: float) -> None:
-    line = bulb(aside_m, radius_m, side_radius_m=2 * radius_m)
+    line = turnaround(aside_m, radius_m, side_radius_m=2 * radius_m)
     heading = headings(line)
     assert heading[-1] - heading[0] == pytest.approx(np.pi, abs=5e-3)  # chords of 0.25 m
     assert smallest_radius(line) == pytest.approx(radius_m, rel=0.01)
