@@ -1,8 +1,7 @@
-"""How much matches say by direction, and the motion that fits them: along a wall little, across it much.
+"""The motion that fits matches whose precision depends on direction: along a wall low, across it high.
 
-Sources: information filters (Maybeck, Stochastic Models, Estimation and Control, 1979, section 5.7) for
-taking an expectation out of what was found with it; Gauss-Newton over SE(2) with residuals that count by
-direction as in registration by uncertainties (Segal et al., Generalized-ICP, RSS 2009).
+Source: Gauss-Newton over SE(2) with residuals weighted by direction, as in Segal et al., "Generalized-ICP",
+RSS 2009.
 """
 
 import torch
@@ -17,13 +16,21 @@ from echoscape.learn.geometry.procrustes import (
 )
 
 _SCALES = (4, 2, 1, 1, 1)
-"""By how much the residuals' scale is widened, round after round."""
+"""Factors of the residuals' scale, one per iteration."""
 _LEAST_EIGENVALUE = 1e-9
-"""Of the normal matrix with a diagonal of 1: from here on a motion counts as known."""
+"""Smallest eigenvalue of the normal matrix, scaled to a diagonal of 1, from which a motion is determined."""
 
 
 def turned_precision(precision: Tensor, rotation: Tensor) -> Tensor:
-    """Return (B, N, 2, 2): precisions of points that are turned by rotations (B, 2, 2)."""
+    """Rotate precisions: R P R^T.
+
+    Args:
+        precision: Precisions (B, N, 2, 2).
+        rotation: Rotations (B, 2, 2).
+
+    Returns:
+        The precisions (B, N, 2, 2) in the rotated frame.
+    """
     return rotation[:, None] @ precision @ rotation[:, None].transpose(-1, -2)
 
 
@@ -36,14 +43,22 @@ def motion_by_precision(
     scale_m: float | None,
     near: Motion | None = None,
 ) -> Motion:
-    """Return the motion that fits matches best whose residuals count by direction.
+    """Minimise the sum of w rho(r^T P r) over motions, r = destination - R source - t.
 
-    source_m, destination_m: (B, N, 2) [m]; weights: (B, N); precision: (B, N, 2, 2) of the destinations,
-    forward and right. Begins with `robust_motion` and goes on by Gauss-Newton to the least sum of
-    w rho(r^T P r), r = destination - R source - t, rho of Geman-McClure at `scale_m`, wider at first; without
-    a scale rho is the square. Where the matches leave a direction open, or are not finite, `certain` is False
-    and the motion the one that it began with. near: a motion to begin with that is nearly right, in place of
-    the robust one, and not wider at first.
+    Gauss-Newton from `robust_motion`, with rho of Geman-McClure at `scale_m`, wider in the first iterations.
+    Where the matches leave a direction undetermined, or are not finite, the motion is the first one and not
+    `certain`.
+
+    Args:
+        source_m: Points (B, N, 2) of the sources: forward, right [m].
+        destination_m: Points (B, N, 2) of the destinations [m].
+        weights: Weights w (B, N).
+        precision: Precisions P (B, N, 2, 2) in the frames of the destinations: forward, right.
+        scale_m: Scale of rho [m]; None for squares, rho(x) = x.
+        near: Motion to start from, nearly the answer; then rho has its scale from the first iteration.
+
+    Returns:
+        The motions T_destination_source.
     """
     start = near or _begun(source_m, destination_m, weights, scale_m)
     source_m, destination_m = source_m.double(), destination_m.double()
@@ -73,7 +88,15 @@ def _begun(source_m: Tensor, destination_m: Tensor, weights: Tensor, scale_m: fl
 
 
 def weighed_squares(off_m: Tensor, precision: Tensor) -> Tensor:
-    """Return (..., N) [m^2]: r^T P r of residuals (..., N, 2) and precisions (..., N, 2, 2)."""
+    """Compute r^T P r.
+
+    Args:
+        off_m: Residuals r (..., N, 2) [m].
+        precision: Precisions P (..., N, 2, 2).
+
+    Returns:
+        The weighted squares (..., N) [m^2].
+    """
     return (off_m * _by_direction(precision, off_m)).sum(-1)
 
 
@@ -83,12 +106,12 @@ def _by_direction(precision: Tensor, vectors: Tensor) -> Tensor:
 
 
 def _step(off_m: Tensor, turned_m: Tensor, precision: Tensor, share: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the change (B, 3) of yaw and shift that takes away most of residuals, and whether it is known.
+    """Return the Gauss-Newton step (B, 3) of yaw and translation, and whether it is determined.
 
-    With p a turned source, a small turn a moves it by a j, j = (-p_right, p_forward): linear least squares in
-    three unknowns, of residuals r that count by share s and precision P. Its normal matrix has the sums of
-    s j^T P j, of s P j, and of s P; what it is to be equal to has those of s j^T P r and of s P r. The matrix
-    is divided by its diagonal, so that units do not decide what is known.
+    A small rotation a moves a rotated source p by a j, j = (-p_right, p_forward): linear least squares in
+    three unknowns, of residuals r with weights s and precisions P. The normal matrix has the sums of s j^T P
+    j, of s P j and of s P; the right-hand side those of s j^T P r and of s P r. The matrix is scaled to a
+    diagonal of 1, so that units do not decide what is determined.
     """
     turning = torch.stack([-turned_m[..., 1], turned_m[..., 0]], -1)
     by_turn, wanted_shift = _by_direction(precision, turning), _by_direction(precision, off_m)

@@ -1,8 +1,8 @@
-"""The motion that best brings matched points together: weighted least squares over rotations and shifts.
+"""The rigid motion that fits matched points: weighted least squares, in closed form, and its robust form.
 
-Source: Barnes & Posner 2020, section III-C, after Umeyama 1991: weighted centroids, their covariance, its SVD
-with det(V U^T) in the last place. In the plane that rotation is known in closed form, the angle atan2(sum of
-cross products, sum of dot products); its gradient is exact where the SVD's is ill-conditioned.
+Source: Barnes & Posner 2020, section III-C, after Umeyama 1991, whose singular value decomposition
+(`learn.model.keypoint_model.weighted_pose`) has a closed form in the plane: the angle is atan2(sum of cross
+products, sum of dot products); its gradient is exact where that of the decomposition is ill-conditioned.
 """
 
 from dataclasses import dataclass
@@ -11,18 +11,22 @@ import torch
 from torch import Tensor
 
 ROBUST_SCALE_PX = 1.0
-"""How far off a match may be before it counts as wrong: of 0.35 to 2.5 best on held-out towns, by little."""
+"""Scale of the robust weights, in pixels; of 0.35 to 2.5 the best on held-out towns, by little."""
 
 _SMALLEST_SUM = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """Poses of B sources in the frames of their destinations, T_destination_source, Oxford axes.
+    """Poses of B sources in the frames of their destinations, T_destination_source, in Oxford axes.
 
-    A point p of the source (forward, right) [m] is rotation @ p + translation_m in the destination's frame.
-    rotation (B, 2, 2); translation_m (B, 2): forward, right; certain (B,) bool: False where the points leave
-    the rotation open (no weight, or all in one place), which is then none.
+    A point p of the source (forward, right) [m] is at rotation @ p + translation_m in the destination's
+    frame.
+
+    Attributes:
+        rotation: Rotations (B, 2, 2).
+        translation_m: Translations (B, 2): forward, right [m].
+        certain: Whether the points determine the motion (B,) bool; otherwise the rotation is 1.
     """
 
     rotation: Tensor
@@ -36,14 +40,21 @@ class Motion:
 
 
 def motion_of_matches(source_m: Tensor, destination_m: Tensor, weights: Tensor) -> Motion:
-    """Return the motion that minimises the sum of weights |R source + t - destination|^2.
+    """Minimise the sum of w |R source + t - destination|^2.
 
-    source_m, destination_m: (B, N, 2) [m]; weights: (B, N), 0 or more, whose scale does not matter.
-    With s and d about their weighted centroids, R turns by atan2(sum w s x d, sum w s . d) and
-    t = mean(d) - R mean(s). Where both sums vanish R is 1 and has no gradient; without weight t is 0.
+    With s and d about their weighted centroids, the angle of R is atan2(sum w s x d, sum w s . d) and
+    t = mean(d) - R mean(s). Where both sums vanish R is 1, without gradient; without any weight t is 0.
+
+    Args:
+        source_m: Points (B, N, 2): forward, right [m].
+        destination_m: Points (B, N, 2) [m].
+        weights: Weights w (B, N), 0 or more; their scale does not matter.
+
+    Returns:
+        The motions T_destination_source.
 
     Raises:
-        ValueError: the shapes do not fit.
+        ValueError: The shapes do not fit.
     """
     if source_m.shape != destination_m.shape or source_m.shape != (*weights.shape, 2):
         shapes = f"{tuple(source_m.shape)}, {tuple(destination_m.shape)} and {tuple(weights.shape)}"
@@ -61,12 +72,20 @@ def motion_of_matches(source_m: Tensor, destination_m: Tensor, weights: Tensor) 
 
 
 def robust_motion(source_m: Tensor, destination_m: Tensor, weights: Tensor, *, scale_m: float) -> Motion:
-    """Return the motion that fits matches (see `motion_of_matches`) of which some are wrong.
+    """Solve for the motion that fits matches some of which are wrong.
 
-    Iteratively reweighted least squares with the Geman-McClure weight 1 / (1 + e^2 / c^2)^2 of a match that
-    is e off; c begins at 32 scale_m and is halved down to scale_m (graduated non-convexity, Yang et al.,
-    RA-L 2020), so that a few wrong ones in one place do not hold the first answer. `certain` is that of the
-    matches as they were given.
+    Iteratively reweighted least squares with the Geman-McClure weight 1 / (1 + e^2 / c^2)^2 of a match with
+    residual e; c is halved from 32 scale_m to scale_m (graduated non-convexity, Yang et al., RA-L 2020), so
+    that outliers close together do not fix the first answer. `certain` is that of all matches.
+
+    Args:
+        source_m: Points (B, N, 2): forward, right [m].
+        destination_m: Points (B, N, 2) [m].
+        weights: Weights (B, N), 0 or more.
+        scale_m: Residual from which a match loses weight [m].
+
+    Returns:
+        The motions T_destination_source.
     """
     motion = motion_of_matches(source_m, destination_m, weights)
     certain = motion.certain
@@ -77,17 +96,41 @@ def robust_motion(source_m: Tensor, destination_m: Tensor, weights: Tensor, *, s
 
 
 def residuals_m(source_m: Tensor, destination_m: Tensor, motion: Motion) -> Tensor:
-    """Return (B, N) [m]: how far each destination is from where the motion takes its source."""
+    """Compute the distances of destinations from where a motion takes their sources.
+
+    Args:
+        source_m: Points (B, N, 2): forward, right [m].
+        destination_m: Points (B, N, 2) [m].
+        motion: The motions T_destination_source.
+
+    Returns:
+        Distances (B, N) [m].
+    """
     return torch.linalg.vector_norm(destination_m - moved(source_m, motion), dim=-1)
 
 
 def moved(points_m: Tensor, motion: Motion) -> Tensor:
-    """Return (B, N, 2) [m]: points (B, N, 2) of the sources in the frames of the destinations."""
+    """Map points by a motion.
+
+    Args:
+        points_m: Points (B, N, 2) in the frames of the sources: forward, right [m].
+        motion: The motions T_destination_source.
+
+    Returns:
+        The points (B, N, 2) in the frames of the destinations [m].
+    """
     return points_m @ motion.rotation.transpose(1, 2) + motion.translation_m[:, None]
 
 
 def rotation_of_yaw(yaw_rad: Tensor) -> Tensor:
-    """Return (B, 2, 2) rotations by (B,) angles, clockwise from forward to right [rad]."""
+    """Build rotations from angles.
+
+    Args:
+        yaw_rad: Angles (B,), clockwise from forward to right [rad].
+
+    Returns:
+        Rotations (B, 2, 2).
+    """
     cosine, sine = yaw_rad.cos(), yaw_rad.sin()
     return torch.stack([cosine, -sine, sine, cosine], -1).unflatten(-1, (2, 2))
 
@@ -97,7 +140,14 @@ def _cross(first: Tensor, second: Tensor) -> Tensor:
 
 
 def shares(weights: Tensor) -> Tensor:
-    """Return weights (B, N) over their sum, however small that is; without any weight 0."""
+    """Normalise weights to a sum of 1.
+
+    Args:
+        weights: Weights (B, N), 0 or more, however small.
+
+    Returns:
+        The normalised weights (B, N); 0 without any weight.
+    """
     largest = weights.detach().amax(1, keepdim=True)
     scaled = weights / torch.where(largest > 0, largest, torch.ones_like(largest))
     return scaled / scaled.sum(1, keepdim=True).clamp(min=_SMALLEST_SUM)

@@ -1,7 +1,8 @@
-"""A picture to be searched: the encoder's maps, and what searches make of them, on a grid of samples.
+"""An image to be searched: the encoder's maps, and what searches derive from them, on a grid of samples.
 
-The grid has a sample on every pixel or, at a stride of 2, one between every four. The finest map is averaged
-there; coarser ones are resized bilinearly with pixels as areas, to which a sample is f-th of a pixel wide.
+Samples lie on every pixel (stride 1) or at the centre of each 2 x 2 block (stride 2). The finest map is
+averaged there; coarser ones are resized bilinearly with pixels as areas, so that a sample is 1 / factor of
+their pixels.
 """
 
 from dataclasses import dataclass
@@ -9,32 +10,44 @@ from functools import cached_property
 
 import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool2d
+from torch.nn.functional import avg_pool2d, interpolate
 
 from echoscape.learn.model.keypoint_model import MIN_NORM, Maps, sampled, unit
-from echoscape.learn.model.ops.bilinear import resized, squared_lengths
 
 STRIDES = (1, 2)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Layer:
-    """Maps (B, C, h, w) of one resolution; factor: samples that a pixel of them is wide."""
+    """Maps of one resolution.
+
+    Attributes:
+        values: Maps (B, C, h, w).
+        factor: Samples per pixel of these maps, along each side.
+    """
 
     values: Tensor
     factor: int
 
+    @property
+    def resized(self) -> Tensor:
+        """The maps at the samples (B, C, rows, columns)."""
+        if self.factor == 1:
+            return self.values
+        return interpolate(self.values, scale_factor=self.factor, mode="bilinear", align_corners=False)
+
 
 @dataclass(frozen=True, kw_only=True)
 class FeaturePyramid:
-    """B pictures by the encoder's maps, finest first (B, C, h, w).
+    """B images as the maps of the encoder. What is derived from these is computed on first use and kept.
 
-    stride: pixels that a sample is wide; dtype: of dense descriptors and the large products with them, None
-    for that of the maps. What is made of the maps is made when it is first asked for, and kept, with its
-    gradients if these are asked for then.
+    Attributes:
+        maps: Maps (B, C, h, w), finest first.
+        stride: Pixels per sample, along each side.
+        dtype: Number format of the dense descriptors and of products with them; None for that of the maps.
 
     Raises:
-        ValueError: the stride is none of `STRIDES`.
+        ValueError: The stride is not one of `STRIDES`.
     """
 
     maps: Maps
@@ -53,7 +66,7 @@ class FeaturePyramid:
 
     @cached_property
     def layers(self) -> tuple[Layer, ...]:
-        """The maps by resolution, finest first; those that are as fine as each other are one layer."""
+        """The maps by resolution, finest first; maps of equal resolution are one layer."""
         if self.stride == 1:
             return tuple(Layer(values=each, factor=2**level) for level, each in enumerate(self.maps))
         finest = torch.cat([avg_pool2d(self.maps[0], 2), *self.maps[1:2]], 1)
@@ -62,24 +75,29 @@ class FeaturePyramid:
 
     @cached_property
     def lengths(self) -> Tensor:
-        """Lengths (B, rows, columns) of the descriptors, at least `MIN_NORM`."""
-        squares = [squared_lengths(each.values, each.factor) for each in self.layers]
-        return torch.stack(squares).sum(0).clamp(min=0).sqrt().clamp(min=MIN_NORM)
+        """Lengths of the descriptors (B, rows, columns), at least `MIN_NORM`."""
+        squares = [each.resized.square().sum(1) for each in self.layers]
+        return torch.stack(squares).sum(0).sqrt().clamp(min=MIN_NORM)
 
     @cached_property
     def stacked(self) -> Tensor:
-        """The dense descriptors (B, 248, rows * columns) in `dtype`, not of unit length."""
+        """Dense descriptors (B, 248, rows * columns) in `dtype`, not of unit length."""
         dtype = self.dtype or self.maps[0].dtype
-        return torch.cat([resized(each.values.to(dtype), each.factor).flatten(2) for each in self.layers], 1)
+        return torch.cat([each.resized.to(dtype).flatten(2) for each in self.layers], 1)
 
     def descriptors(self) -> Tensor:
         """Return the dense descriptors (B, 248, rows, columns) of unit length."""
         return unit(self.stacked, dim=1).unflatten(2, self.shape)
 
     def similarity(self, queries: Tensor, places_px: Tensor) -> Tensor:
-        """Return (B, N): the cosine of queries (B, N, 248) at places (B, N, 2) row, column [px].
+        """Compute cosine similarities at given locations, interpolated bilinearly between the samples'.
 
-        Interpolated bilinearly between the cosines of the samples, the outermost of which go on outside.
+        Args:
+            queries: Descriptors (B, N, 248) of unit length.
+            places_px: Locations (B, N, 2): row, column [px]; beyond the outermost samples, those count.
+
+        Returns:
+            The similarities (B, N).
         """
         last = places_px.new_tensor(self.shape) - 1
         places = ((places_px + 0.5) / self.stride - 0.5).clamp(min=0).minimum(last)

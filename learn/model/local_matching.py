@@ -1,11 +1,11 @@
-"""Matching near expected places: a softmax over the samples around each, times a normal distribution.
+"""Local search: the matching softmax times a normal prior, over the samples around each predicted location.
 
-Source: the softmax of `matching`. Where keypoints are looked for within a metre or two, almost all of a
-picture weighs nothing; only samples up to `REACH` standard deviations away, each way, are compared. The
-normal distribution's own moments over the same samples say what is found where all is alike, at edges too.
+Source: the softmax of `keypoint_model.matched_locations`. With a prior of a metre or two nearly all samples
+of an image have no weight; only those up to `REACH` standard deviations away along each side are compared.
+The moments of the prior over the same samples are returned as well, since edges and the grid change them.
 
-Dense descriptors are not made: resizing is linear, so a keypoint is compared with the few pixels of each of
-the encoder's maps that lie around, and what comes out is resized, one number a pixel instead of up to 128.
+Dense descriptors are not computed: resizing is linear, so keypoints are compared with the few pixels of each
+of the encoder's maps around them and the similarities are resized, one number per pixel instead of up to 128.
 """
 
 import math
@@ -18,16 +18,24 @@ from echoscape.learn.model.feature_pyramid import FeaturePyramid, Layer
 from echoscape.learn.model.ops.bilinear import pixels_taken, shares_of_places
 
 REACH = 3.5
-"""Standard deviations that samples are looked at up to: 5e-4 of a normal distribution lies beyond."""
+"""Standard deviations up to which samples are compared; 5e-4 of a normal distribution lies beyond."""
 _LEAST_PX2 = 0.02
-"""Variance that a place has even where one sample has it all, so that inverses are finite [px^2]."""
+"""Smallest variance of a location, even where one sample has all the weight, for finite inverses [px^2]."""
 _PIECE = 2**25
-"""Numbers of a layer of maps that are taken at once (128 MB)."""
+"""Numbers of a layer of maps that are read in one piece (128 MB)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Near:
-    """Where keypoints are expected: places_px (B, N, 2) row, column, and a standard deviation [px]."""
+    """Prior of a local search.
+
+    Attributes:
+        places_px: Predicted locations (B, N, 2): row, column [px].
+        deviation_px: Standard deviation [px].
+
+    Raises:
+        ValueError: The standard deviation is not finite and above 0.
+    """
 
     places_px: Tensor
     deviation_px: float
@@ -39,7 +47,12 @@ class Near:
 
 @dataclass(frozen=True, kw_only=True)
 class Moments:
-    """Mean places (..., 2) row, column [px] and covariances (..., 2, 2) [px^2], `_LEAST_PX2` included."""
+    """Moments of distributions over the image.
+
+    Attributes:
+        places_px: Means (..., 2): row, column [px].
+        spread_px2: Covariances (..., 2, 2) [px^2], `_LEAST_PX2` included.
+    """
 
     places_px: Tensor
     spread_px2: Tensor
@@ -47,21 +60,36 @@ class Moments:
 
 @dataclass(frozen=True, kw_only=True)
 class NearSearch:
-    """What a search of N keypoints in B pictures found, and what it would have where all looks alike."""
+    """Result of a local search of N keypoints in B images.
+
+    Attributes:
+        found: Moments of the posterior.
+        expected: Moments of the prior over the same samples.
+    """
 
     found: Moments
     expected: Moments
 
 
-def match_local(queries: Tensor, picture: FeaturePyramid, *, temperature: float, near: Near) -> NearSearch:
-    """Look for descriptors (B, N, 248) of unit length in pictures near where they are expected."""
-    reach = min(math.ceil(REACH * near.deviation_px / picture.stride), max(picture.shape) - 1)
+def match_local(queries: Tensor, pyramid: FeaturePyramid, *, temperature: float, near: Near) -> NearSearch:
+    """Search for keypoints around their predicted locations.
+
+    Args:
+        queries: Descriptors (B, N, 248) of unit length.
+        pyramid: The images to search.
+        temperature: T of the softmax.
+        near: The prior.
+
+    Returns:
+        Moments of posterior and prior.
+    """
+    reach = min(math.ceil(REACH * near.deviation_px / pyramid.stride), max(pyramid.shape) - 1)
     most = max(
-        _pixels_around(each.factor, reach) ** 2 * each.values[:, :, 0, 0].numel() for each in picture.layers
+        _pixels_around(each.factor, reach) ** 2 * each.values[:, :, 0, 0].numel() for each in pyramid.layers
     )
     count = max(_PIECE // most, 1)
     pieces = [
-        _searched(temperature * some, picture, where, near.deviation_px, reach)
+        _searched(temperature * some, pyramid, where, near.deviation_px, reach)
         for some, where in zip(queries.split(count, 1), near.places_px.split(count, 1), strict=True)
     ]
     found, spread, expected, expected_spread = (torch.cat(each, 1) for each in zip(*pieces, strict=True))
@@ -72,7 +100,7 @@ def match_local(queries: Tensor, picture: FeaturePyramid, *, temperature: float,
 
 
 def _pixels_around(factor: int, reach: int) -> int:
-    """Return how many pixels a side, `factor` samples wide each, share in samples up to `reach` away."""
+    """Return how many pixels a side, `factor` samples wide, samples up to `reach` away depend on."""
     return 2 * reach + 1 if factor == 1 else math.ceil(2 * reach / factor) + 2
 
 
@@ -95,18 +123,18 @@ def _likeness(queries: Tensor, layer: Layer, middle: Tensor, reach: int) -> Tens
 
 
 def _searched(
-    queries: Tensor, picture: FeaturePyramid, expected_px: Tensor, deviation_px: float, reach: int
+    queries: Tensor, pyramid: FeaturePyramid, expected_px: Tensor, deviation_px: float, reach: int
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return places (B, N, 2) [px], covariances (B, N, 2, 2) [px^2], and the same of what is expected."""
-    stride, size = picture.stride, queries.new_tensor(picture.shape)
+    """Return places (B, N, 2) [px], covariances (B, N, 2, 2) [px^2], and the same of the prior."""
+    stride, size = pyramid.stride, queries.new_tensor(pyramid.shape)
     middle = ((expected_px + 0.5) / stride - 0.5).round().clamp(min=0).minimum(size - 1)
     samples = middle[..., None] + torch.arange(-reach, reach + 1).to(middle)  # (B, N, 2, side)
     likeness = torch.zeros((), dtype=queries.dtype)
-    parts = queries.split([each.values.shape[1] for each in picture.layers], 2)
-    for part, layer in zip(parts, picture.layers, strict=True):
+    parts = queries.split([each.values.shape[1] for each in pyramid.layers], 2)
+    for part, layer in zip(parts, pyramid.layers, strict=True):
         likeness = likeness + _likeness(part, layer, middle, reach)
     around = samples.clamp(min=0).minimum(size[:, None] - 1)
-    likeness = likeness / pixels_taken(picture.lengths[:, None], around).view_as(likeness)
+    likeness = likeness / pixels_taken(pyramid.lengths[:, None], around).view_as(likeness)
     away_px = (samples + 0.5) * stride - 0.5 - expected_px[..., None]
     outside = (samples < 0) | (samples >= size[:, None])
     log_prior = (-(away_px**2) / (2 * deviation_px**2)).masked_fill(outside, -math.inf)

@@ -1,4 +1,4 @@
-"""Removes the search prior from what a local match found, and weighs each match by direction.
+"""Removal of the search prior from a local match, and the precision of the match by direction.
 
 Source: information filters (Maybeck, Stochastic Models, Estimation and Control, 1979, section 5.7).
 """
@@ -9,20 +9,27 @@ from torch import Tensor
 from echoscape.learn.model.local_matching import Moments
 
 _SHARPEST_PX = 0.7
-"""How far off the sharpest match is taken to be [px]."""
+"""Standard deviation of the sharpest matches [px]."""
 
 _LEAST_SHARE = 0.1
-"""Of the expectation's inverse covariance: a match that adds less is taken to say nothing of its own."""
+"""Part of the prior's inverse covariance; a match that adds less in a direction has no precision there."""
 
 
 def remove_prior(found: Moments, expected: Moments) -> tuple[Tensor, Tensor]:
-    """Return places (B, N, 2) [px] and precisions (B, N, 2, 2) of a search without what was expected.
+    """Remove the prior from the posterior of a local search.
 
-    What was found is a likelihood times a normal distribution, both taken as normal: inverse covariances add,
-    1 / v = 1 / s - 1 / e for v of the likelihood, s of what was found and e of what was expected, and so do
-    means times them. The precision is c^2 / (c^2 + v), c = 0.7 px, in each principal direction of v: near 1
-    for the sharpest matches. In directions in which nearly nothing is added to the expectation it is 0, and
-    the place is where it was expected.
+    The posterior is the likelihood times a normal prior; with both taken as normal, inverse covariances add:
+    1 / v = 1 / s - 1 / e for the covariances v of the likelihood, s of the posterior and e of the prior, and
+    so do the means multiplied by them. The precision is c^2 / (c^2 + v), c = 0.7 px, in each principal
+    direction of v: near 1 for the sharpest matches. In directions in which the match adds nearly nothing to
+    the prior it is 0, and the location is the prior's.
+
+    Args:
+        found: Moments of the posterior.
+        expected: Moments of the prior over the same samples.
+
+    Returns:
+        Locations (B, N, 2) [px] and precisions (B, N, 2, 2), both by row and column.
     """
     known, before = _inverse(found.spread_px2), _inverse(expected.spread_px2)
     off = (known @ (found.places_px - expected.places_px)[..., None])[..., 0]
@@ -60,6 +67,13 @@ def _matrix(values: Tensor, direction: Tensor) -> Tensor:
 
 
 def precision_of_pixels(precision: Tensor) -> Tensor:
-    """Return precisions by row and column as those by forward and right: forward is up."""
+    """Convert precisions from row and column to forward and right; forward is up.
+
+    Args:
+        precision: Precisions (B, N, 2, 2) by row and column.
+
+    Returns:
+        Precisions (B, N, 2, 2) by forward and right.
+    """
     up = precision.new_tensor([[1.0, -1.0], [-1.0, 1.0]])
     return precision * up

@@ -1,8 +1,7 @@
-"""Matching as `matching` has it, but piece by piece, without the matrix of all similarities.
+"""Global search by tiles: `keypoint_model.matched_locations` without the matrix of all similarities.
 
-Source: the sums of `matching.expected_matches`. Similarities with the dense descriptors, on every pixel or
-between every four, are made, used and forgotten while they are in the processor's cache; only the softmax's
-numerators are kept where gradients are asked for.
+Similarities with the dense descriptors, on every sample of the image, are computed, used and dropped while
+they are in the processor's cache; only the softmax's numerators are kept where gradients are asked for.
 """
 
 from collections.abc import Iterator
@@ -24,34 +23,40 @@ _PIECE = 1280
 _LEAST_LOGIT = -60.0
 """e to this adds nothing; a little less would be a subnormal number, which processors are slow with."""
 _EVERY = 15
-"""Every how many samples the softmax's shift is looked for first."""
+"""Interval of the samples from which the softmax's shift is estimated first."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """What a search of N keypoints in B pictures says.
+    """Result of a global search of N keypoints in B images.
 
-    places_px: (B, N, 2) expected row, column [px]; log_sums: (B, N), the logarithm of the sum over the
-    samples of exp(T q . d): the softmax's denominator.
+    Attributes:
+        places_px: Matched locations (B, N, 2): row, column [px].
+        log_sums: Logarithm of the softmax's denominator, the sum over the samples of exp(T q . d) (B, N).
     """
 
     places_px: Tensor
     log_sums: Tensor
 
 
-def match_global(queries: Tensor, picture: FeaturePyramid, *, temperature: float) -> Search:
-    """Look for descriptors (B, N, 248) of unit length in pictures, with gradients.
+def match_global(queries: Tensor, pyramid: FeaturePyramid, *, temperature: float) -> Search:
+    """Search for keypoints in whole images, with gradients.
 
-    The places are those of `matching.expected_matches` on the picture's grid; sums of products have the
-    queries' number format, products the picture's.
+    Args:
+        queries: Descriptors (B, N, 248) of unit length; sums have their number format.
+        pyramid: The images to search; products have its number format.
+        temperature: T of the softmax.
+
+    Returns:
+        Locations as those of `matched_locations` over the image's samples, and the softmax's denominators.
     """
-    grid = pixel_grid(*picture.shape, like=queries)
+    grid = pixel_grid(*pyramid.shape, like=queries)
     weights = torch.cat([torch.ones_like(grid[:, :1]), grid], 1).T.contiguous()
     places, log_sums = [], []
-    lengths = picture.lengths.detach().flatten(1)
-    for query, descriptors, length in zip(queries, picture.stacked, lengths, strict=True):
+    lengths = pyramid.lengths.detach().flatten(1)
+    for query, descriptors, length in zip(queries, pyramid.stacked, lengths, strict=True):
         place, log_sum = _Searched.apply(temperature * query, descriptors, length, weights)
-        places.append((place + 0.5) * picture.stride - 0.5)
+        places.append((place + 0.5) * pyramid.stride - 0.5)
         log_sums.append(log_sum)
     return Search(places_px=torch.stack(places), log_sums=torch.stack(log_sums))
 
@@ -83,9 +88,9 @@ class _Searched(Function):
     ) -> tuple[Tensor | None, ...]:
         """Return the derivatives by queries and descriptors.
 
-        With P the softmax, x_p a sample's place, e the expected one, g the derivative by e and l that by the
-        log sum, that by logit p is P_p (l + g . x_p - g . e). With u = d / |d| and h the derivative by u,
-        that by d is (h - u (u . h)) / |d|, of descriptors that are not too short to be made one long.
+        With P the softmax, x_p the location of a sample, e the matched one, g the derivative by e and l that
+        by the log sum, that by logit p is P_p (l + g . x_p - g . e). With u = d / |d| and h the derivative by
+        u, that by d is (h - u (u . h)) / |d|, of descriptors that are not too short to be made one long.
         """
         left, lengths, weights, total, places, *kept = ctx.saved_tensors
         constant = log_slope[:, None] - (slope * places).sum(1, keepdim=True)

@@ -304,4 +304,4 @@ def folded(model: KeypointModel | FastKeypointModel) -> FastKeypointModel:
                 if isinstance(layer, nn.Conv2d) and isinstance(following, nn.BatchNorm2d):
                     part[i], part[i + 1] = fuse_conv_bn_eval(layer, following), nn.Identity()
     # With a pixel's channels side by side, convolutions and descriptors take half the time.
-    return fast.requires_grad_(False).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
+    return fast.requires_grad_(False).to(memory_format=torch.channels_last)  # pyright: ignore

@@ -1,7 +1,7 @@
-"""How gradients lie in memory: a pixel's channels side by side, as the network's own maps do.
+"""Memory layout of gradients: a pixel's channels side by side, as in the network's own maps.
 
-PyTorch makes some gradients, those of samples taken at points among them, one channel after the other; sums
-with them then lie so too, and everything down to the first convolution takes several times as long.
+PyTorch returns some gradients, such as those of `grid_sample`, one channel after the other; sums with them
+have that layout too, and the backward pass of all convolutions before takes several times as long.
 """
 
 from typing import Any
@@ -12,7 +12,14 @@ from torch.autograd import Function
 
 
 def with_gradient_by_pixel(values: Tensor) -> Tensor:
-    """Return values (B, C, H, W), whose gradient will come with a pixel's channels side by side."""
+    """Pass values on, and return their gradient with a pixel's channels side by side.
+
+    Args:
+        values: Maps (B, C, H, W).
+
+    Returns:
+        The same values.
+    """
     return _ByPixel.apply(values)
 
 

@@ -1,7 +1,7 @@
-"""Two steps of the network where no gradient is asked for, in a half to a fifth of PyTorch's time.
+"""Low-passed maxima where no gradient is asked for, faster than PyTorch's operators on the CPU.
 
-Maps are taken with a pixel's channels side by side, as convolutions leave them, and gone through by whole
-rows and columns. Tests hold each to what it stands in for.
+Maps have a pixel's channels side by side in memory, as convolutions return them, and are processed by whole
+rows and columns. A test compares with `keypoint_model.blurred_max_pool`.
 """
 
 import torch
@@ -9,10 +9,16 @@ from torch import Tensor
 
 
 def blurred_maxima(values: Tensor) -> Tensor:
-    """Return what `unet.blurred_max_pool` does: (B, C, H / 2, W / 2) of maps (B, C, H, W), even H and W.
+    """Compute `keypoint_model.blurred_max_pool`, rows first, then columns.
 
-    Rows first, then columns: maxima of neighbours at odd and at even places, of which the even ones are those
-    between two results.
+    Along each side, maxima of neighbours are taken at odd and at even places, the even ones between two
+    results.
+
+    Args:
+        values: Maps (B, C, H, W), H and W even.
+
+    Returns:
+        Maps (B, C, H / 2, W / 2).
     """
     by_pixel = values.permute(0, 2, 3, 1).contiguous()
     odd, even = (_blurred_columns(each) for each in _neighbours_maxima(by_pixel))
@@ -35,31 +41,3 @@ def _neighbours_maxima(values: Tensor) -> tuple[Tensor, Tensor]:
 def _blurred(odd: Tensor, even: Tensor) -> Tensor:
     """Return means of neighbours, 1-2-1: odd (B, n, ...) in the middle, even (B, n + 1, ...) around."""
     return torch.lerp(torch.lerp(even[:, :-1], even[:, 1:], 0.5), odd, 0.5)
-
-
-def upsampled_above(coarse: Tensor, fine: Tensor) -> Tensor:
-    """Return (B, C + F, 2 H, 2 W): maps (B, C, H, W) upsampled bilinearly, and finer ones (B, F, 2 H, 2 W).
-
-    Pixels are areas: what is upsampled stands a quarter of a pixel before or after the middle of one.
-    """
-    batch, channels, rows, columns = coarse.shape
-    total = coarse.new_empty(batch, 2 * rows, 2 * columns, channels + fine.shape[1])
-    by_pixel = coarse.permute(0, 2, 3, 1)
-    for row in (0, 1):
-        lines = _a_quarter_on(by_pixel, 1, torch.empty_like(by_pixel), forward=bool(row))
-        for column in (0, 1):
-            part = total[:, row::2, column::2, :channels]
-            _a_quarter_on(lines, 2, part, forward=bool(column))
-    total[..., channels:] = fine.permute(0, 2, 3, 1)
-    return total.permute(0, 3, 1, 2)
-
-
-def _a_quarter_on(values: Tensor, side: int, into: Tensor, *, forward: bool) -> Tensor:
-    """Return `into` with values a quarter of a pixel on along a side, forward or back; the edge goes on."""
-    count = values.shape[side] - 1
-    first, second = values.narrow(side, 0, count), values.narrow(side, 1, count)
-    here, there = (first, second) if forward else (second, first)
-    torch.lerp(here, there, 0.25, out=into.narrow(side, 0 if forward else 1, count))
-    edge = count if forward else 0
-    into.select(side, edge).copy_(values.select(side, edge))
-    return into
