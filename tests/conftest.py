@@ -1,4 +1,4 @@
-"""What all tests share: freed memory is given back whatever a test runs, and processes share the cores."""
+"""Settings of all tests: one thread per test process, and freed memory goes back to the system."""
 
 import os
 from pathlib import PurePosixPath
@@ -6,17 +6,17 @@ from typing import Any
 
 import pytest
 
-# With a process for each core, a second thread in each would only wait for the others. Torch reads this once.
+# With one process per core, more threads would only wait for each other. PyTorch reads this once.
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 TOGETHER = ("physics", "scenes")
-"""Folders whose quick tests run in one process: the page of laws sees them all; towns are built once."""
+"""Folders whose quick tests run in one process: docs/physics.md needs all laws, and towns are built once."""
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give a file's tests to one process, and those of some folders; slow ones by file."""
+    """Give the tests of a file to one process, and those of the folders `TOGETHER`, unless they are slow."""
     from xdist.scheduler import LoadScopeScheduling
 
     folders = () if config.option.markexpr == "slow" else TOGETHER
@@ -37,5 +37,5 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.fixture(autouse=True, scope="session")
 def memory_is_given_back() -> None:
-    """Commands keep freed memory for good; in one process with 2,000 tests that adds up to gigabytes."""
+    """Commands keep freed memory, which in one process with 2,000 tests adds up to gigabytes."""
     pytest.MonkeyPatch().setattr("echoscape.sim.numerics.malloc.keep_freed_memory", lambda: True)

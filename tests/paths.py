@@ -1,4 +1,4 @@
-"""Where the project's own files and those beside the checkout lie, seen from any folder of tests."""
+"""Paths of the checkout and of the files beside it, for tests in any folder."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""docs/fidelity.md keeps its word: what it links to is there, and its tables are those of the code."""
+"""docs/fidelity.md: linked files exist, and the tables agree with the code."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from benchmarks.fidelity_tables import filled
 from echoscape.eval.ablation.cases import CASES
 from echoscape.eval.fidelity.reference_values import TARGETS
 from echoscape.eval.fidelity.score import span_text, tolerance_text
-from echoscape.sim.generation import domain_randomization as variation
+from echoscape.sim.generation import domain_randomization
 from echoscape.sim.raytracing.beam_weighting import MAIN_AZIMUTHS
 from echoscape.sim.sensor.antenna import Antenna
 from echoscape.sim.sensor.cts350x import CTS350X
@@ -21,13 +21,13 @@ DOCS = ROOT / "docs"
 PAGE = (DOCS / "fidelity.md").read_text()
 
 
-def test_linked_files_are_there() -> None:
+def test_linked_files_exist() -> None:
     links = re.findall(r"\]\((?!http)([^)#]+)\)", PAGE)
     assert [link for link in links if not (DOCS / link).exists()] == []
     assert {Path(link).stem for link in links} >= {case.name for case in CASES}
 
 
-def test_pictures_are_small() -> None:
+def test_figures_are_small() -> None:
     sizes = {path.name: path.stat().st_size for path in (DOCS / "artefacts").iterdir()}
     assert set(sizes) == {f"{case.name}.png" for case in CASES}
     assert sum(sizes.values()) < 2_500_000
@@ -47,27 +47,29 @@ def test_the_table_has_the_targets_and_tolerances_of_the_code() -> None:
         assert rows[name.replace("_", " ")] == f"{span_text(target)} | {tolerance_text(target)}"
 
 
-def test_the_ranges_of_the_variations_are_those_of_the_code() -> None:
+def test_ranges_of_domain_randomisation_are_those_of_the_code() -> None:
     listed = {
         name: (float(low), float(high))
         for name, low, high in re.findall(r"^\| `([A-Z_]+)` \| ([-\d.]+) to ([-\d.]+) \|", PAGE, re.MULTILINE)
     }
     drawn = {
-        name: value for name, value in vars(variation).items() if name.isupper() and isinstance(value, tuple)
+        name: value
+        for name, value in vars(domain_randomization).items()
+        if name.isupper() and isinstance(value, tuple)
     }
     assert listed == drawn
-    assert f"in {100 * variation.BLOCKED_CHANCE:g} % of the datasets" in PAGE
+    assert f"in {100 * domain_randomization.BLOCKED_CHANCE:g} % of the datasets" in PAGE
 
 
 def test_levels_of_the_sidelobes_are_those_of_the_beam() -> None:
     section = PAGE.partition("### Sidelobes")[2].partition("###")[0]
     (begin,) = set(re.findall(r"([\d.]+) deg off", section))
     assert float(begin) == pytest.approx(MAIN_AZIMUTHS * 360 / CTS350X.azimuths)
-    told = [(float(db), float(deg)) for db, deg in re.findall(r"(-\d+) dB at ([\d.]+) deg", section)]
-    assert len(told) == 4
-    assert told[0][1] == float(begin)
+    listed = [(float(db), float(deg)) for db, deg in re.findall(r"(-\d+) dB at ([\d.]+) deg", section)]
+    assert len(listed) == 4
+    assert listed[0][1] == float(begin)
     beam = Antenna(sensor=CTS350X)
-    for level_db, off_deg in told:
+    for level_db, off_deg in listed:
         gain = np.interp(np.deg2rad(off_deg), beam.azimuth_grid_rad, beam.azimuth_two_way)
         assert 10 * np.log10(gain / beam.azimuth_two_way.max()) == pytest.approx(level_db, abs=0.6)
 

@@ -1,4 +1,4 @@
-"""The page on raw data: its command and its examples run, one after the other, and print what they say."""
+"""docs/raw_data.md: its command and its examples run in order and print what they say."""
 
 import re
 import shlex
