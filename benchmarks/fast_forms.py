@@ -29,6 +29,7 @@ from echoscape.learn.model import fast_keypoint_model, keypoints, unet
 from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
 from echoscape.learn.model.keypoint_model import (
+    KeypointModel,
     Maps,
     blurred_max_pool,
     dense_descriptors,
@@ -79,7 +80,7 @@ def _moments(logits: Tensor, places: Tensor) -> Moments:
     return Moments(places_px=mean, spread_px2=spread + 0.02 * torch.eye(2))
 
 
-def _unfolded(model: nn.Module) -> nn.Module:
+def _unfolded(model: KeypointModel) -> nn.Module:
     return FastKeypointModel.from_plain(model).eval().requires_grad_(False)
 
 

@@ -34,7 +34,13 @@ class Matches:
 
     def cpu(self) -> "Matches":
         """Return the matches on the CPU."""
-        return Matches(**{name: None if each is None else each.cpu() for name, each in vars(self).items()})
+        return Matches(
+            source_m=self.source_m.cpu(),
+            destination_m=self.destination_m.cpu(),
+            weights=self.weights.cpu(),
+            surprisal=None if self.surprisal is None else self.surprisal.cpu(),
+            precision=None if self.precision is None else self.precision.cpu(),
+        )
 
     def motion(self, *, robust_scale_m: float | None = None, near: Motion | None = None) -> Motion:
         """Solve for the motion that fits the matches best.

@@ -217,8 +217,8 @@ class FastKeypointModel(nn.Module):
         else:
             places, precision = self._match_local(source, target.pyramid, search_sigma_m)
         similarity = (source.descriptors * descriptors_at(target.pyramid.maps, places)).sum(-1)
-        unscored = target.scores is None
-        matched = torch.ones_like(similarity) if unscored else sampled(target.scores, places)[..., 0]
+        scores = target.scores
+        matched = torch.ones_like(similarity) if scores is None else sampled(scores, places)[..., 0]
         return Matches(
             source_m=self.metres(source.points_px),
             destination_m=self.metres(places),

@@ -171,7 +171,8 @@ def test_a_descriptor_is_matched_to_the_mean_of_equal_pixels() -> None:
 
 
 def test_the_embedding_is_the_largest_of_each_dense_descriptor() -> None:
-    plain, fast = (each.eval() for each in _models())
+    plain, fast = _models()
+    plain.eval()
     images = _images(1, 2)
     with torch.no_grad():
         maps = plain.maps(images)
