@@ -41,8 +41,8 @@ fidelity: $(READY)
 		$(BIN)/echoscape simulate build/fidelity/town_$$seed --seed $$seed --scans 40 --workers 2 --no-preview && \
 		$(BIN)/echoscape fidelity build/fidelity/town_$$seed || exit 1; done
 	$(ARTEFACTS) docs/artefacts --scan 208
-	$(ARTEFACTS) build/fidelity/turn --scan 116 --only motion_distortion
-	mv build/fidelity/turn/motion_distortion.png docs/artefacts
+	$(ARTEFACTS) build/fidelity/turn --scan 116 --only motion_distortion interference
+	mv build/fidelity/turn/motion_distortion.png build/fidelity/turn/interference.png docs/artefacts
 	mv docs/artefacts/artefacts.md build/fidelity
 	$(BIN)/python -m benchmarks.fidelity_tables docs/fidelity.md \
 		build/fidelity/town_7/fidelity build/fidelity/town_101/fidelity build/fidelity/town_102/fidelity build/fidelity

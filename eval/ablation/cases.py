@@ -159,7 +159,7 @@ CASES = (
         span_m=40.0,
         region="mover",
         boxes=True,
-        text="moving objects, their shadows and ghosts",
+        text="moving objects, shadows and ghosts; echoes lie off their boxes by the Doppler shift",
     ),
     ArtefactCase(
         name="rain",
