@@ -138,7 +138,8 @@ def loop_closure_recall(
 
     Returns:
         Figures by name: numbers of pairs, of pairs that could not be read, and of headings; the share of
-        pairs found within 0.5 m and 1 deg, and median errors [m], [deg]; under "plain_..." without hypotheses.
+        pairs found within 0.5 m and 1 deg, and median errors [m], [deg]; under "plain_..." without
+        hypotheses.
     """
     report = progress or (lambda stage, done, total: None)
     errors: dict[str, list[tuple[float, float]]] = {"": [], "plain_": []}

@@ -1,7 +1,6 @@
 """The plain model: the paper's equations by hand, and the fast model against it in values and gradients."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -230,25 +229,6 @@ def test_a_pose_that_is_not_determined_is_none_with_finite_gradients(what: str) 
 def test_the_loss_of_a_rotation_is_twice_the_sine_of_half_the_angle() -> None:
     found = pose_loss(_motion(0.2, 3.0, 4.0), _motion(0.0, 0.0, 0.0), alpha_m=10.0)
     assert_allclose(found, 5 + 10 * 2 * math.sin(0.1), atol=1e-12)
-
-
-# ------------------------------------------------------------------ the solver of the paper
-
-
-def test_the_papers_solver_is_the_plain_model_on_two_images() -> None:
-    model, _ = load_weights(shipped_weights()[0.6912])
-    odometry = PaperOdometry(model)
-    scans = [scan_of(landmarks(count=150), (1.2 * k, 0.1 * k, 0.02 * k), number=k) for k in range(3)]
-    state = odometry.start(scans[0])
-    for before, after in pairwise(scans):
-        found, state = odometry.follow(state, after)
-        with torch.no_grad():
-            motion, matches = model(odometry.image(after), odometry.image(before))
-        assert found.motion.x_m == float(motion.translation_m[0, 0])
-        assert found.motion.y_m == float(motion.translation_m[0, 1])
-        assert found.motion.yaw_rad == float(motion.yaw_rad[0])
-        assert_allclose(found.weights, matches.weights[0], atol=0)
-        assert found.motion.x_m == pytest.approx(1.2, abs=0.2 * 0.6912)
 
 
 def test_descriptors_that_are_too_short_stay_short() -> None:
