@@ -1,7 +1,7 @@
-"""The laws that the simulator is held to, as rows of docs/physics.md: recorded by tests, written by one.
+"""The physical laws that the simulator is tested for, as rows of docs/physics.md.
 
-A test states a law with a number that it worked out apart from the simulator (`shared/physics.md` has the
-list); the page has what was expected, what came out, and how far apart they may be and why.
+A test records a law with an expected number that is computed apart from the simulator. The page lists
+expected and simulated value, the tolerance and its reason.
 """
 
 import math
@@ -39,19 +39,21 @@ SECTIONS: tuple[Section, ...] = (
 INTRO = """\
 # Physics
 
-What the simulator is held to. Each row is a law of radar: where it is from, the number that follows from it
-by hand, what the simulator makes, how far apart the two may be, and why. The tests in `tests/physics` work
-the expected numbers out apart from the code, fail when a row does not hold, and write this page:
+The physical laws that the simulator is tested for. Each row has a law, its source, the value that follows
+from it by hand, the simulated value, the tolerance and the reason for the tolerance. The tests in
+`tests/physics` compute the expected values apart from the code, fail when a row does not hold, and write
+this page:
 
     pytest tests/physics --write-physics
 
-Unless a row says otherwise the sensor is the CTS350-X at 76.5 GHz (wavelength 3.919 mm). Where a row is about
-windows, peaks, the noise floor, the converter or rain, its sweep is taken without the calibrated ripple of
-amplitude (`sweep_ripple_db`), whose skirt is held by the row on paired echoes and by docs/fidelity.md.
+The sensor is the CTS350-X at 76.5 GHz (wavelength 3.919 mm) unless a row names another. Rows on windows,
+peaks, the noise floor, the converter and rain use a sweep without the calibrated amplitude ripple
+(`sweep_ripple_db`), which the row on paired echoes and docs/fidelity.md cover.
 
-Known to fall short: near ground is sampled by one to three rays a range cell, so that its speckle is also the
-rays' choice (coherence of 0.6 to 0.8 after 5 cm of driving, where fixed scatterers would keep 0.98).
-Windows' widths are those of their cosine sums, 1.44, 1.30 and 1.64 cells at -3 dB (Harris 1978: 1.44, 1.30).
+Known limits: near ground is sampled by one to three rays per range cell, so that its speckle also depends
+on the choice of rays (coherence of 0.6 to 0.8 after 5 cm of driving; fixed scatterers would keep 0.98).
+Expected widths of the windows are those of their cosine sums, 1.44, 1.30 and 1.64 cells at -3 dB (Harris
+1978: 1.44, 1.30).
 """
 HEADER = """\
 | law | source | expected | simulated | tolerance | why this tolerance |

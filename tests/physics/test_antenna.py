@@ -36,7 +36,7 @@ def test_gain_is_what_the_patterns_integrate_to(law: LawRecorder) -> None:
 
 
 def two_way_energy_sr() -> float:
-    """The integral of g^2 over the sphere, from the sensor's tables alone, monotone between rows in dB."""
+    """The integral of g^2 over the sphere, from the tables of the sensor alone, monotone between entries."""
     azimuth = np.radians(np.linspace(0, 180, 200_001))
     elevation = np.radians(np.linspace(-90, 90, 20_001))
     (offset, two_way), (angle, one_way) = (
@@ -63,13 +63,13 @@ def test_rays_carry_the_energy_of_the_beam(law: LawRecorder) -> None:
     link = 0.02 * 10**5.4 * (299792458 / 76.5e9) ** 2 / (4 * math.pi) ** 2
     expected = link * gamma2 / math.pi / 20.0**2 * two_way_energy_sr()
     law(
-        "Rough sphere about the radar: power of a row",
+        "Rough sphere around the radar: power of an azimuth",
         source="radar equation integrated over the two-way pattern",
         expected=float(decibel(expected / 1e-3)),
         simulated=float(decibel(found / 1e-3)),
         tolerance=0.15,
         unit="dBm",
-        why="256 rays a row; the ball has flat faces of 1.4 m",
+        why="256 rays per azimuth; the sphere has flat faces of 1.4 m",
     )
 
 
@@ -98,13 +98,13 @@ def test_rows_aside_hear_a_small_thing_by_the_azimuth_pattern(law: LawRecorder) 
         expected = np.interp(0.9 * rows, half_widths, [-3, -6, -10, -20, -30])
         found = [float(decibel(row_power(echoes, 100 + side * rows) / ahead)) for side in (-1, 1)]
         law(
-            f"Echo of a small thing {rows} row{'s' if rows > 1 else ''} ({0.9 * rows:.1f} deg) aside",
+            f"Echo of a small object {rows} azimuth{'s' if rows > 1 else ''} ({0.9 * rows:.1f} deg) off",
             source=MEASURED,
             expected=float(expected),
             simulated=float(np.mean(found)),
             tolerance=0.8,
             unit="dB",
-            why="measured widths have one decimal: half of 0.1 deg on a flank of 13 dB a degree",
+            why="measured widths have one decimal: half of 0.1 deg on a flank of 13 dB per degree",
         )
 
 
@@ -124,11 +124,11 @@ def test_elevation_pattern_counts_twice(law: LawRecorder) -> None:
     power = np.array([power_of(echoes, 1 + i) for i in range(len(things))]).reshape(5, 6).mean(axis=1)
     for (elevation, one_way), found in list(zip(levels.items(), decibel(power / power[0]), strict=True))[1:]:
         law(
-            f"Echo from {elevation:+.0f} deg of elevation against one from the beam's middle",
+            f"Echo from {elevation:+.0f} deg of elevation against one from the middle of the beam",
             source=f"the one-way pattern, {one_way} dB, twice",
             expected=2 * one_way,
             simulated=float(found),
             tolerance=0.5,
             unit="dB",
-            why="some hundred rays meet the plates, which are 0.3 deg high",
+            why="some hundred rays hit the plates, which are 0.3 deg high",
         )

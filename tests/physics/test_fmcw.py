@@ -97,7 +97,7 @@ def test_points_peak_where_they_are(law: LawRecorder) -> None:
         why="every one",
     )
     law(
-        "Place of a point's peak between bins, largest error",
+        "Position of the peak of a point between bins, largest error",
         source="f = 2 B r / (c T)",
         expected=0.0,
         simulated=float(np.abs(off).max()) * 1e3,
@@ -146,7 +146,7 @@ def test_windows(
         simulated=float(level_db[past : past + 400].max()),
         tolerance=0.2,
         unit="dB",
-        why="the expected value has one decimal; sampled at 23 bins a cell",
+        why="the expected value has one decimal; sampled at 23 bins per resolution cell",
     )
     law(
         f"{title} window, -3 dB width of a point",
@@ -169,7 +169,7 @@ def test_windows(
         simulated=float(floor * noisy.samples / (2 * profile.max())),
         tolerance=0.02,
         unit="cells of c / 2B",
-        why="400 rows of noise: 0.1 %; the peak lies up to half a bin of 0.0108 m aside",
+        why="400 azimuths of noise: 0.1 %; the peak is up to half a bin of 0.0108 m off",
     )
 
 
@@ -209,11 +209,11 @@ def test_paired_echoes(law: LawRecorder) -> None:
             why="the window's own sidelobes there are 45 dB and more below it",
         )
         law(
-            f"Its place, {cells:g} cells from the target",
+            f"Its range, {cells:g} cells from the target",
             source="paired echoes, Klauder et al., Bell System Technical Journal 39(4), 1960",
             expected=cells * CELL_M,
             simulated=(peak_place(near) + round(place) - 20 - peak) * FINE.bin_m,
             tolerance=0.02,
             unit="m",
-            why="two bins of 0.0108 m: the window's sidelobes lean on it",
+            why="two bins of 0.0108 m: sidelobes of the window shift it",
         )

@@ -68,12 +68,12 @@ def test_long_pole_falls_by_9_db_a_doubling(law: LawRecorder) -> None:
         simulated=float(decibel(power[2] / power[0]) / 2),
         tolerance=0.3,
         unit="dB",
-        why="some hundred rays meet a pole at 80 m",
+        why="some hundred rays hit a pole at 80 m",
     )
 
 
 def walls(material: str, distance_m: float) -> Echoes:
-    """Echoes of eight walls all round, as wide as 33 deg, head on in every 50th row."""
+    """Echoes of eight walls around the radar, 33 deg wide, at normal incidence at every 50th azimuth."""
     size = 0.6 * distance_m
     faces = [facing(k * math.pi / 4, 0.0, distance_m, size, size) for k in range(8)]
     rays = 256 if material == "soil" else 1024  # few meet the flash of a mirror
@@ -95,12 +95,12 @@ def test_walls_that_fill_the_beam_fall_by_6_db_a_doubling(law: LawRecorder, name
         simulated=float(decibel(level[40.0] / level[20.0])),
         tolerance=0.05,
         unit="dB",
-        why="the same rays meet both walls",
+        why="the same rays hit both walls",
     )
     if material == "soil":
         law(
             "One ray's return: fall from 20 to 40 m",
-            source="a ray drawn from the beam carries its share of the way out: 1/R^2",
+            source="rays are drawn from the beam, so that only the path back spreads: 1/R^2",
             expected=-6.02,
             simulated=float(decibel(level[-40.0] / level[-20.0])),
             tolerance=0.01,
@@ -115,10 +115,10 @@ def test_walls_that_fill_the_beam_fall_by_6_db_a_doubling(law: LawRecorder, name
         spread = 1 / math.sqrt(1 + 2 * math.log(2) * (math.degrees(0.003) / 0.53) ** 2)
         law(
             "Glass wall at 40 m: received power",
-            source="its image, Pt G^2 (lambda / (8 pi R))^2 |Gamma|^2, 0.3 dB less as it is wavy",
+            source="its image, Pt G^2 (lambda / (8 pi R))^2 |Gamma|^2, 0.3 dB less for its surface slopes",
             expected=float(decibel(image * spread / 1e-3)),
             simulated=float(decibel(level[40.0] / 1e-3)),
             tolerance=0.3,
             unit="dBm",
-            why="few rays meet the flash, 0.2 deg wide; eight walls averaged",
+            why="few rays hit the specular area, 0.2 deg wide; mean of eight walls",
         )

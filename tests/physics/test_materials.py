@@ -80,7 +80,7 @@ def test_reflection_at_normal_incidence(
     beyond = name in ("brick", "asphalt")
     law(
         f"Half space of {name}, reflection at normal incidence"
-        + (" (row defined to 40 GHz: extrapolated)" if beyond else ""),
+        + (" (defined up to 40 GHz: extrapolated)" if beyond else ""),
         source="ITU-R P.2040-4, Table 3" if name == "asphalt" else ITU,
         expected=level_db,
         simulated=20 * math.log10(abs(te)),
@@ -182,11 +182,11 @@ def test_vertical_polarisation_is_te_at_walls_and_tm_at_the_ground(
         # Lambert: projected area and emission each fall with the cosine.
         share = coefficient(epsilon, angle)[kind - 1] * math.cos(angle) ** 2
         law(
-            f"Rough concrete at 60 deg against head on, vertical polarisation: {told}",
-            source="Fresnel's coefficient that belongs to it, and Lambert's cosines",
+            f"Rough concrete at 60 deg against normal incidence, vertical polarisation: {told}",
+            source="its Fresnel coefficient and Lambert's cosines",
             expected=10 * math.log10(share / head_on),
             simulated=10 * math.log10(power[kind] / power[0]),
             tolerance=0.5,
             unit="dB",
-            why="a hundred rays a plate; a swap would be wrong by 15 dB",
+            why="a hundred rays per plate; swapped polarisations would be wrong by 15 dB",
         )

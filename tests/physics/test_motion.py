@@ -45,7 +45,7 @@ def echoes(simulator: Simulator) -> Echoes:
 
 
 def mean_range(echoes: Echoes, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Mean range (R,) of each row's echoes by their power, free of speckle [m]."""
+    """Mean range (A,) of the echoes of each azimuth, weighted by power, without speckle [m]."""
     near = ~echoes.sidelobe
     power = np.bincount(echoes.azimuth[near], echoes.mean_power[near], 400)
     moment = np.bincount(echoes.azimuth[near], echoes.mean_power[near] * echoes.range_m[near], 400)
@@ -53,7 +53,7 @@ def mean_range(echoes: Echoes, rows: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def ridge(scan: PolarScan, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Range (R,) of what is loudest in each row of the picture: the mean place of the power about it [m]."""
+    """Range (A,) of the strongest peak of each azimuth: the power-weighted mean around it [m]."""
     power = 10 ** (decibels(scan.codes[rows]) / 10.0)
     ranges = (np.arange(power.shape[1]) + 0.5) * scan.bin_m
     power[:, ranges < 5.0] = 0
@@ -62,7 +62,7 @@ def ridge(scan: PolarScan, rows: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def points(rows: NDArray[np.int64], range_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (R, 2) of rows as if the car stood: forward, right [m]."""
+    """Points (A, 2) of azimuths as if the car were at rest: forward, right [m]."""
     angle = 2 * np.pi * rows / 400
     return range_m[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
@@ -85,13 +85,13 @@ def test_ego_motion_within_a_scan(law: LawRecorder, scans: list[PolarScan]) -> N
     assert first is not None
     assert second is not None
     law(
-        "Way from a scan's first row to the next one's at 15 m/s",
+        "Distance from the first azimuth of a scan to that of the next at 15 m/s",
         source="15 m/s x 0.25 s",
         expected=3.75,
         simulated=float(np.linalg.norm(second.pose[0, :2] - first.pose[0, :2])),
         tolerance=1e-6,
         unit="m",
-        why="a turn without jitter",
+        why="a revolution without jitter",
     )
 
 
@@ -117,13 +117,13 @@ def test_walls_bend_as_the_poses_predict_and_compensation_straightens_them(
     range_m = (distance_m - normal[0] * SPEED * time_s) / (beam @ normal) - 0.049 * SPEED * beam[:, 0]
     predicted = range_m[:, None] * beam * [1, -1]  # x forward, y right
     law(
-        f"{name} at 15 m/s, as if the car stood: distance from a straight line, root mean square",
-        source="poses of the rows and beta v cos, by hand",
+        f"{name} at 15 m/s, as if the car were at rest: distance from a straight line, root mean square",
+        source="poses of the azimuths and beta v cos, by hand",
         expected=off_line(predicted),
         simulated=off_line(seen),
         tolerance=0.02,
         unit="m",
-        why="a wall met slantwise fills the beam over a metre of range: its mean by some fifty rays",
+        why="a wall hit obliquely fills the beam over a metre of range; the mean is of some fifty rays",
     )
     straightened = compensated(seen)
     law(
@@ -133,17 +133,17 @@ def test_walls_bend_as_the_poses_predict_and_compensation_straightens_them(
         simulated=off_line(straightened),
         tolerance=0.05,
         unit="m",
-        why="a wall met slantwise fills the beam over a metre of range: its mean by some fifty rays",
+        why="a wall hit obliquely fills the beam over a metre of range; the mean is of some fifty rays",
     )
     middle_m = distance_m - normal[0] * SPEED * 199.5 * 0.25 / 400
     law(
         f"{name}, motion compensated: distance from the car at mid-scan",
-        source="where it stands",
+        source="its true position",
         expected=middle_m,
         simulated=float(np.mean(straightened @ (normal * [1, -1]))),
         tolerance=0.1,
         unit="m",
-        why="the wall is 8 m high: its top and foot are farther by up to 0.2 m, less by the beam",
+        why="the wall is 8 m high: its top and bottom are farther by up to 0.2 m, weakened by the beam",
     )
 
 
@@ -154,23 +154,23 @@ def test_compensation_straightens_a_wall_in_the_codes(law: LawRecorder, scans: l
     straightened = compensated(seen)
     law(
         "Wall ahead in the written codes, motion compensated: distance of its ridge from a straight line",
-        source="it is straight; as if the car stood, it is off by 0.9 m",
+        source="it is straight; as if the car were at rest, it is off by 0.9 m",
         expected=0.0,
         simulated=off_line(straightened),
         tolerance=0.15,
         unit="m",
-        why="speckle moves the ridge within its 0.36 m, farther where the wall is met slantwise",
+        why="speckle moves the ridge within its 0.36 m, more where the wall is hit obliquely",
     )
 
 
 def test_seam_ahead_jumps_by_the_ego_motion(law: LawRecorder, scans: list[PolarScan]) -> None:
     first, last = ridge(scans[0], np.array([4, 5, 6])), ridge(scans[0], np.array([394, 395, 396]))
     law(
-        "Wall ahead: jump between rows 5 and 395, either side of the seam",
+        "Wall ahead: step between azimuths 5 and 395, on either side of straight ahead",
         source="15 m/s x 390 / 400 x 0.25 s, over the cosine of 4.5 deg",
         expected=SPEED * 390 / 400 * 0.25 / np.cos(np.radians(4.5)),
         simulated=float(first.mean() - last.mean()),
         tolerance=0.1,
         unit="m",
-        why="speckle moves the ridge within its 0.36 m; three rows averaged",
+        why="speckle moves the ridge within its 0.36 m; mean of three azimuths",
     )

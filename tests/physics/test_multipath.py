@@ -19,10 +19,10 @@ from tests.physics.tracing import HEIGHT_M, ROW_DEG, STEADY, traced
 from tests.sim.worlds import plate, quad, standing, world
 
 SECTION = "Multipath"
-IMAGE = "image theory: a wall at x = 30 m shows x = 20 m at 40 m"
+IMAGE = "image theory: a wall at x = 30 m images x = 20 m to 40 m"
 WALL = ("metal", "wall", plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0))
 CAR = ("soil", "car", plate([20.0, 12.0, HEIGHT_M], [1, 0], 2.0, 1.5))
-"""A rough plate that faces the wall: seen by way of the wall only."""
+"""A rough plate that faces the wall: illuminated by way of the wall only."""
 ROAD = ("concrete", "road", quad([[-80, -80, 0], [80, -80, 0], [80, 80, 0], [-80, 80, 0]]))
 ONLY_ECHOES = Artefacts(
     thermal_noise=False,
@@ -57,7 +57,7 @@ def test_ghost_lies_at_the_mirror_image(law: LawRecorder, yard: Echoes) -> None:
         simulated=range_m,
         tolerance=0.2,
         unit="m",
-        why="the car is 2 m wide, its power falls from side to side",
+        why="the car is 2 m wide, and its power falls across it",
     )
     law(
         "Ghost of a car in a wall: azimuth",
@@ -66,7 +66,7 @@ def test_ghost_lies_at_the_mirror_image(law: LawRecorder, yard: Echoes) -> None:
         simulated=azimuth_deg,
         tolerance=0.3,
         unit="deg",
-        why="a third of a row",
+        why="a third of an azimuth",
     )
 
 
@@ -75,7 +75,7 @@ def test_loop_lies_at_half_the_total_path(law: LawRecorder) -> None:
     echoes = traced(world(WALL, side), max_bounces=2, floor_db=-30.0, sensor=STEADY)
     range_m, _ = mean_place(echoes, (echoes.bounces == 2) & (echoes.instance == 2))
     law(
-        "Out by way of the wall and straight back: range",
+        "Out by way of the wall and directly back: range",
         source="half the total path",
         expected=(math.hypot(25.0, 2.0) + math.hypot(35.0, 2.0)) / 2,
         simulated=range_m,
@@ -102,7 +102,7 @@ def test_bounce_limit_of_one_removes_every_ghost(law: LawRecorder, yard: Echoes)
 
 
 def with_and_without_ghosts(town: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Labels (400, bins) of a scan's cells, and which of them are heard only while there are ghosts."""
+    """Labels (400, bins) of a scan's cells, and which of them are above 0 only with ghosts."""
     heard, labels = [], np.zeros(0)
     for ghosts in (True, False):
         simulator = Simulator(
@@ -128,8 +128,8 @@ def test_ghost_mask_marks_what_vanishes(law: LawRecorder) -> None:
     ghost, sidelobe = labels == Component.GHOST, labels == Component.SIDELOBE
     assert ghost.sum() > 100
     law(
-        "Wall and car alone: cells marked ghost that do not vanish without ghosts",
-        source="the mask says what a cell is made of",
+        "Wall and car alone: cells labelled ghost that remain without ghosts",
+        source="the label is the dominant cause of a cell",
         expected=0,
         simulated=int(np.sum(ghost & ~gone)),
         tolerance=0,
@@ -137,7 +137,7 @@ def test_ghost_mask_marks_what_vanishes(law: LawRecorder) -> None:
     )
     law(
         "Wall and car alone: vanishing cells that are neither ghost nor the range window's sidelobe",
-        source="the mask says what a cell is made of",
+        source="the label is the dominant cause of a cell",
         expected=0,
         simulated=int(np.sum(gone & ~ghost & ~sidelobe)),
         tolerance=0,
@@ -146,10 +146,10 @@ def test_ghost_mask_marks_what_vanishes(law: LawRecorder) -> None:
     for ground, tolerance in (("concrete", 0.01), ("asphalt", 0.03)):
         labels, gone = with_and_without_ghosts(world(WALL, CAR, (ground, *ROAD[1:])))
         law(
-            f"Wall, car and a road of {ground}: share of the vanishing cells that is marked ghost",
-            source="the mask says what a cell is made of",
+            f"Wall, car and a road of {ground}: share of the vanishing cells that is labelled ghost",
+            source="the label is the dominant cause of a cell",
             expected=1.0,
             simulated=float(np.mean(labels[gone] == Component.GHOST)),
             tolerance=tolerance,
-            why="direct and ghost echoes of about one strength add in any phase, near the quantiser's floor",
+            why="direct and ghost echoes of about one strength add in any phase near the quantiser's floor",
         )

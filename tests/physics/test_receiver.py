@@ -24,7 +24,7 @@ CLEAN = Artefacts(thermal_noise=False, leakage=False, phase_noise=False, saturat
 
 
 def grid(range_m: list[float], power_w: list[float], azimuths: int) -> NDArray[np.complex64]:
-    """Echoes that are the same in every row."""
+    """Echoes that are the same at every azimuth."""
     echoes = point_echoes(
         azimuth=np.repeat(np.arange(azimuths), len(range_m)),
         range_m=np.tile(range_m, azimuths),
@@ -74,7 +74,7 @@ def test_phase_noise_is_correlated_by_range(law: LawRecorder, range_m: int, fact
         simulated=skirt_db(range_m),
         tolerance=0.2,
         unit="dB",
-        why="400 drawn rows; a sweep of 0.4 ms resolves some 8 kHz; the delay counts from half a bin",
+        why="400 drawn azimuths; a sweep of 0.4 ms resolves some 8 kHz; the delay counts from half a bin",
     )
 
 
@@ -164,11 +164,11 @@ def test_noise_floor(law: LawRecorder) -> None:
         simulated=10 * math.log10(power_w * noise.mean(dtype=np.float64) / peak / 1e-3),
         tolerance=0.05,
         unit="dBm",
-        why="250 000 independent draws: 0.01 dB; a rest of the sweep below two samples goes unused",
+        why="250 000 independent draws: 0.01 dB; a remainder of the sweep of less than two samples is unused",
     )
     law(
         "Mean of the thermal noise in written power",
-        source="quiet rows of raw Oxford scans at far range",
+        source="quiet azimuths of raw Oxford scans at far range",
         expected=1.57,
         simulated=float(noise.mean(dtype=np.float64)),
         tolerance=0.016,

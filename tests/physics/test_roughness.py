@@ -151,12 +151,12 @@ def test_mirror_lobe_holds_its_share(
         expected=1.0,
         simulated=float(np.sum(lobe.numpy() * cos_out * solid, dtype=np.float64)),
         tolerance=0.005,
-        why="slopes that shadow each other are left out",
+        why="mutual shadowing of slopes is neglected",
     )
 
 
 def lobe_to_lambert(lobe: Lobe, order: int, cos_in: float, cos_out: float, cos_back: float) -> float:
-    """Power that a lobe sends some way against Lambert's, from the model's definition by quadrature."""
+    """Power of a lobe in a direction against Lambert's, by quadrature of the model's definition."""
     sin_in = math.sqrt(1 - cos_in**2)
     side = 1 if lobe == "backscatter" else -1
 

@@ -40,7 +40,7 @@ def bowl(sides: int = 360) -> Mesh:
 def cell_sums(
     echoes: Echoes, near_m: float, far_m: float, *, rows: int, length_m: float = 0.25
 ) -> NDArray[np.complex128]:
-    """Sums of the echoes in cells of every third row and `length_m`, over the root of their mean power."""
+    """Sums of the echoes in cells of every third azimuth and `length_m`, over their root mean square."""
     steps = int((far_m - near_m) / length_m)
     step = np.floor((echoes.range_m - near_m) / length_m).astype(np.int64)
     mine = (step >= 0) & (step < steps) & (echoes.azimuth % rows == 0)
@@ -107,7 +107,7 @@ def test_texture_makes_speckle_k_distributed(
         expected=2 * (1 + 1 / shape),
         simulated=float(np.mean(intensity**2) / np.mean(intensity) ** 2),
         tolerance=0.03 * 2 * (1 + 1 / shape),
-        why="a million cells: three standard errors of the heaviest tail, and its last thousandth evened out",
+        why="a million cells: three standard errors of the heaviest tail, with its last thousandth averaged",
     )
 
 
@@ -124,7 +124,7 @@ def test_traced_ground_is_k_distributed(law: LawRecorder, monkeypatch: pytest.Mo
         expected=4.0,
         simulated=float(np.mean(intensity**2) / np.mean(intensity) ** 2),
         tolerance=0.7,
-        why="some 1500 texture cells: a standard error of 6 %; radar cells across two even them out by 4 %",
+        why="some 1500 texture cells: a standard error of 6 %; radar cells across two of them lose 4 %",
     )
 
 
@@ -134,12 +134,12 @@ def test_speckle_stays_for_who_stands(law: LawRecorder) -> None:
     first, second = simulator.echoes(0), simulator.echoes(7)
     assert len(first) == len(second) > 1000
     law(
-        "Standing car, two scans: echoes that differ",
-        source="speckle belongs to the world",
+        "Car at rest, two scans: echoes that differ",
+        source="speckle is fixed in the world",
         expected=0,
         simulated=int(np.sum(first.amplitude != second.amplitude)),
         tolerance=0,
-        why="only the receiver's noise is drawn anew",
+        why="only the noise of the receiver differs",
     )
     scans = [simulator.scan(k) for k in (0, 7)]
     assert (scans[0].codes != scans[1].codes).any()
@@ -163,5 +163,5 @@ def test_speckle_of_a_parked_car_stays_and_of_a_moving_one_turns(law: LawRecorde
         simulated=math.degrees(np.angle(moved / start)),
         tolerance=3.0,
         unit="deg",
-        why="scatterers over 0.3 m see the step under slightly different angles; rays meet other patches",
+        why="scatterers over 0.3 m see the step at slightly different angles; rays hit other patches",
     )

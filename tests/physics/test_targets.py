@@ -44,7 +44,7 @@ def ahead(kind: str, distance_m: float, *size_m: float, **more: Any) -> Target:
 
 
 def received_w(target: Target, row: int = 0) -> float:
-    """Power of a row's echoes, added in phase."""
+    """Power of the echoes of an azimuth, added in phase."""
     echoes = echoes_of(target)
     return float(abs(echoes.amplitude[echoes.azimuth == row].astype(np.complex128).sum()) ** 2)
 
@@ -56,7 +56,7 @@ def radar_equation_w(sigma_m2: float, range_m: float) -> float:
 
 
 MID_BEAM_DB = float(decibel(received_w(ahead("point", FAR_M)) / radar_equation_w(1.0, FAR_M)))
-"""What the beam's turn within a sweep takes from a point in the middle of a row."""
+"""Loss of a point in the middle of an azimuth by the rotation of the beam within a sweep."""
 
 
 def cross_section_dbsm(target: Target, range_m: float) -> float:
@@ -85,9 +85,9 @@ def test_cross_section(
     kind: str, size_m: tuple[float, ...], formula: str, dbsm: float, tolerance_db: float, law: LawRecorder
 ) -> None:
     why = {
-        "trihedral": "phase front curved by 0.06 rad; 64 x 64 points a face: 0.1 dB; metal loses 0.03 dB",
+        "trihedral": "phase front curved by 0.06 rad; 64 x 64 points per face: 0.1 dB; metal loses 0.03 dB",
         "plate": "phase front flat to 0.01 rad; metal loses 0.01 dB",
-        "dihedral": "64 x 64 points a face; metal loses 0.02 dB",
+        "dihedral": "64 x 64 points per face; metal loses 0.02 dB",
         "sphere": "spherical wave: r / R, 0.01 dB",
         "cylinder": "phase front 0.24 rad curved at 150 m: 0.03 dB; points every 5 mm",
     }[kind]
@@ -115,7 +115,7 @@ def test_power_of_a_target_falls_with_fourth_power_of_range(
         simulated=float(decibel(far / near)),
         tolerance=0.1,
         unit="dB",
-        why="the target is a point; of a trihedral, its grid",
+        why="exact for a point; for a trihedral, its grid of points",
     )
 
 
@@ -151,7 +151,7 @@ def test_large_plate_is_an_image(size_m: float, range_m: float, law: LawRecorder
         simulated=float(decibel(np.mean(powers) / image)) - MID_BEAM_DB,
         tolerance=0.3,
         unit="dB",
-        why="edges ripple by some 0.3 dB, seven sizes averaged; the beam weighs outer Fresnel zones less",
+        why="edges ripple by some 0.3 dB, mean of seven sizes; the beam weakens outer Fresnel zones",
     )
 
 
@@ -201,7 +201,7 @@ def test_corner_is_one_target_at_its_apex(law: LawRecorder) -> None:
     place = np.average(echoes.range_m[mid], weights=np.abs(echoes.amplitude[mid]) ** 2)
     law(
         "Trihedral of 0.3 m: range of its echo less that of its apex",
-        source="every threefold bounce is as long as twice the way to the apex",
+        source="every path of three bounces is as long as twice the distance to the apex",
         expected=0.0,
         simulated=place - 60.0,
         tolerance=0.002,
@@ -234,13 +234,13 @@ def test_small_target_between_rays_is_heard_in_full(law: LawRecorder) -> None:
         lobe = 10 ** (-3 * (math.degrees(offset) / 0.55) ** 2 / 10)  # parabola in dB, -3 dB at 0.55 deg
         level.append(power / (radar_equation_w(math.pi * 0.01, range_m) * lobe))
     law(
-        "Sphere of 0.1 m anywhere: power against the radar equation in the worst of eight places",
+        "Sphere of 0.1 m anywhere: power against the radar equation at the worst of eight positions",
         source="radar equation and the beam's shape",
         expected=0.0,
         simulated=float(np.max(np.abs(decibel(np.array(level)) - MID_BEAM_DB))),
         tolerance=0.3,
         unit="dB",
-        why="the lobe is taken as a parabola in dB here, from its measured width",
+        why="here the lobe is a parabola in dB of the measured width",
     )
 
 
@@ -256,13 +256,13 @@ def test_phase_of_a_target_follows_the_radar(law: LawRecorder) -> None:
         found = np.angle(echoes.amplitude[inside].astype(np.complex128).sum())
         errors.append(math.remainder(found - expected, 2 * math.pi))
     law(
-        "Trihedral from a radar at 15 m/s: change of phase from row to row less 4 pi dr / lambda",
+        "Trihedral from a radar at 15 m/s: change of phase from azimuth to azimuth less 4 pi dr / lambda",
         source="two-way path",
         expected=0.0,
         simulated=float(np.max(np.abs(np.diff(errors)))),
         tolerance=0.05,
         unit="rad",
-        why="single bounces, 30 dB weaker, turn faster",
+        why="single bounces, 30 dB weaker, change phase faster",
     )
 
 
@@ -272,7 +272,7 @@ def test_sum_is_renewed_often_enough_while_the_radar_moves(monkeypatch: pytest.M
     )
     ride = straight([0.0, 0.0], [15.0, 0.0])
     usual = by_row(echoes_of(target, ride=ride))
-    monkeypatch.setattr(target_echoes, "_MOST_PHASE", 0.0)  # a sum for every row of the main lobe
+    monkeypatch.setattr(target_echoes, "_MOST_PHASE", 0.0)  # a sum for every azimuth of the main lobe
     exact = by_row(echoes_of(target, ride=ride))
     loud = exact > exact.max() * 1e-3
     assert loud.sum() >= 5
@@ -316,7 +316,7 @@ def test_plate_has_the_sidelobes_of_its_aperture(law: LawRecorder) -> None:
         kind="plate", position_m=(FAR_M, 0, HEIGHT_M), heading_rad=math.pi + angle, size_m=(0.2, 0.2)
     )
     law(
-        "Plate of 0.2 m: first sidelobe as it is turned",
+        "Plate of 0.2 m: first sidelobe as it is rotated",
         source="sinc^2 of a square aperture",
         expected=-13.26,
         simulated=float(decibel(received_w(side) / received_w(ahead("plate", FAR_M, 0.2, 0.2)))),

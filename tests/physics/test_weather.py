@@ -45,7 +45,7 @@ def test_specific_attenuation(law: LawRecorder, ghz: int, k: float, alpha: float
         why="the table has four to five digits of its own fits",
     )
     law(
-        f"Growth of that with the rain rate at {ghz} GHz, alpha",
+        f"Exponent of the rain rate at {ghz} GHz, alpha",
         source=P838,
         expected=alpha,
         simulated=math.log10(ten / one),
@@ -72,7 +72,7 @@ def test_small_drop(law: LawRecorder) -> None:
 
 def test_extinction_of_drops(law: LawRecorder) -> None:
     law(
-        "Attenuation of rain of 25 mm/h, summed over its drops",
+        "Attenuation of rain of 25 mm/h, sum over its drops",
         source="ITU-R P.838-3 against Mie on the drops of Marshall & Palmer 1948",
         expected=float(decibel(specific_attenuation_db_km(25.0, 76.5e9))),
         simulated=float(decibel(drops(25.0, 76.5e9)[1])),
@@ -100,12 +100,12 @@ def test_rain_clutter(law: LawRecorder) -> None:
     lost_db = 2 * 0.025 * specific_attenuation_db_km(10.0, 76.5e9)
     law(
         "Echo of rain of 10 mm/h in a range cell at 25 m",
-        source="radar equation with sigma = eta R^2 Omega 1.5 c / 2B (Hann), and the way through the rain",
+        source="radar equation with sigma = eta R^2 Omega 1.5 c / 2B (Hann), and the attenuation of the rain",
         expected=float(decibel(expected)) - lost_db,
         simulated=found[25.0],
         tolerance=0.2,
         unit="dBW",
-        why="2 m of range in 400 rows: some 2000 draws, 0.1 dB; the mean of 1 / R^2 over them",
+        why="2 m of range at 400 azimuths: some 2000 draws, 0.1 dB; the mean of 1 / R^2 over them",
     )
     law(
         "Fall of rain's echo from 25 to 50 m",
@@ -138,7 +138,7 @@ def test_energy_of_a_crossing(law: LawRecorder) -> None:
         simulated=float(decibel(np.sum(beats**2) / rows / sensor.sample_hz / 1e-12 * 1e6)),
         tolerance=0.1,
         unit="dB",
-        why="a pulse of two samples: what its real part catches depends on its phase, drawn 400 times",
+        why="a pulse of two samples: its real part depends on its phase, drawn 400 times",
     )
 
 
@@ -156,5 +156,5 @@ def test_friis(law: LawRecorder) -> None:
         simulated=float(decibel(share[0])),
         tolerance=0.25,
         unit="dB",
-        why="the beam turns by 0.55 deg within a sweep: 0.2 dB of its peak",
+        why="the beam rotates by 0.55 deg within a sweep: 0.2 dB of its peak",
     )

@@ -16,7 +16,7 @@ from tests.sim.worlds import Ride, quad, standing
 STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
 """Turns take exactly a quarter of a second."""
 POINTING = replace(STEADY, rotation_hz=0.01)
-"""Turns so slowly that the beam stays on its row while a sweep lasts: for radars that stand still."""
+"""Rotates so slowly that the beam does not move within a sweep: for radars at rest."""
 HEIGHT_M = CTS350X.mount_height_m
 ROW_DEG = 360 / CTS350X.azimuths
 WAVELENGTH_M = 299792458 / 76.5e9
@@ -49,12 +49,12 @@ def traced(
 
 
 def power_of(echoes: Echoes, instance: int) -> float:
-    """Mean power (over speckle) of an instance's echoes, summed over the rows that hear them [W]."""
+    """Mean power (over speckle) of an instance's echoes, summed over the azimuths that receive them [W]."""
     return float(echoes.mean_power[echoes.instance == instance].sum(dtype=np.float64))
 
 
 def row_power(echoes: Echoes, row: int) -> float:
-    """Mean power (over speckle) of a row's echoes [W]."""
+    """Mean power (over speckle) of the echoes of an azimuth [W]."""
     return float(echoes.mean_power[echoes.azimuth == row].sum(dtype=np.float64))
 
 
