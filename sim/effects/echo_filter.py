@@ -1,7 +1,7 @@
 """Filters of echoes by what made them: a scan without that truck, or without its ghosts.
 
 A filter acts on traced echoes, before the receiver, so that one trace serves many filters. An object whose
-echoes are filtered still casts its shadow; `scenes.core.scene.without` removes it from the scene itself.
+echoes are filtered still casts its shadow; `scenes.core.scene.remove_instances` removes it from the scene.
 """
 
 from collections.abc import Sequence

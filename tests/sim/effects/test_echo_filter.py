@@ -165,7 +165,7 @@ def test_static_things_and_targets_can_be_removed(street: Scene) -> None:
     echoes = simulator(town, ()).echoes(0)
     assert set(np.unique(echoes.returns.surfaces)) <= {0, ROAD}
     assert town.targets == ()
-    with pytest.raises(ValueError, match="instances must be of the town or its movers, got 99"):
+    with pytest.raises(ValueError, match="instances must be of the scene or its movers, got 99"):
         remove_instances(street, (), {99})
 
 
