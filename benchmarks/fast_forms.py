@@ -19,13 +19,14 @@ from unittest.mock import patch
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import interpolate
 
 from benchmarks.machine import description
 from echoscape.eval.odometry.learned import Solver, chosen_weights, learned_odometry
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.procrustes import moved
 from echoscape.learn.geometry.se2 import to_motion
-from echoscape.learn.model import fast_keypoint_model, keypoints, unet
+from echoscape.learn.model import fast_keypoint_model, feature_pyramid, keypoints, unet
 from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
 from echoscape.learn.model.keypoint_model import (
@@ -57,6 +58,20 @@ _SCANS = 10
 
 def _from_dense(maps: Maps, points_px: Tensor) -> Tensor:
     return unit(sampled(dense_descriptors(maps), points_px))
+
+
+def _interpolated(values: Tensor, factor: int) -> Tensor:
+    if factor == 1:
+        return values
+    return interpolate(values, scale_factor=factor, mode="bilinear", align_corners=False)
+
+
+def _lengths_by_resizing(values: Tensor, factor: int) -> Tensor:
+    return _interpolated(values, factor).square().sum(1)
+
+
+def _upsampled_above(coarse: Tensor, fine: Tensor) -> Tensor:
+    return torch.cat([_interpolated(coarse, 2), fine], 1)
 
 
 def _global(queries: Tensor, picture: FeaturePyramid, *, temperature: float) -> Search:
@@ -101,6 +116,11 @@ class Form:
 
 _DESCRIPTORS = tuple((module, "descriptors_at", _from_dense) for module in (fast_keypoint_model, keypoints))
 _IDENTITY = tuple((module, "with_gradient_by_pixel", lambda x: x) for module in (unet, fast_keypoint_model))
+_BILINEAR = (
+    (feature_pyramid, "resized", _interpolated),
+    (feature_pyramid, "squared_lengths", _lengths_by_resizing),
+    (unet, "upsampled_above", _upsampled_above),
+)
 _GLOBAL = ((fast_keypoint_model, "match_global", _global),)
 
 FORMS = {
@@ -108,6 +128,7 @@ FORMS = {
     "step: descriptors": Form(command="step", patches=_DESCRIPTORS),
     "step: tiled_matching": Form(command="step", patches=_GLOBAL),
     "drive: ops/inference": Form(command="drive", patches=((unet, "blurred_maxima", blurred_max_pool),)),
+    "drive: bilinear interpolation": Form(command="drive", patches=_BILINEAR),
     "drive: descriptors": Form(command="drive", patches=_DESCRIPTORS),
     "drive: local_matching": Form(command="drive", patches=((fast_keypoint_model, "match_local", _local),)),
     "drive: folded normalisation, channels last": Form(

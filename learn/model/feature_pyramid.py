@@ -10,9 +10,10 @@ from functools import cached_property
 
 import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool2d, interpolate
+from torch.nn.functional import avg_pool2d
 
 from echoscape.learn.model.keypoint_model import MIN_NORM, Maps, sampled, unit
+from echoscape.learn.model.ops.bilinear import resized, squared_lengths
 
 STRIDES = (1, 2)
 
@@ -28,13 +29,6 @@ class Layer:
 
     values: Tensor
     factor: int
-
-    @property
-    def resized(self) -> Tensor:
-        """The maps at the samples (B, C, rows, columns)."""
-        if self.factor == 1:
-            return self.values
-        return interpolate(self.values, scale_factor=self.factor, mode="bilinear", align_corners=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,14 +70,14 @@ class FeaturePyramid:
     @cached_property
     def lengths(self) -> Tensor:
         """Lengths of the descriptors (B, rows, columns), at least `MIN_NORM`."""
-        squares = [each.resized.square().sum(1) for each in self.layers]
-        return torch.stack(squares).sum(0).sqrt().clamp(min=MIN_NORM)
+        squares = [squared_lengths(each.values, each.factor) for each in self.layers]
+        return torch.stack(squares).sum(0).clamp(min=0).sqrt().clamp(min=MIN_NORM)
 
     @cached_property
     def stacked(self) -> Tensor:
         """Dense descriptors (B, 248, rows * columns) in `dtype`, not of unit length."""
         dtype = self.dtype or self.maps[0].dtype
-        return torch.cat([each.resized.to(dtype).flatten(2) for each in self.layers], 1)
+        return torch.cat([resized(each.values.to(dtype), each.factor).flatten(2) for each in self.layers], 1)
 
     def descriptors(self) -> Tensor:
         """Return the dense descriptors (B, 248, rows, columns) of unit length."""

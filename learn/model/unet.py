@@ -1,4 +1,4 @@
-"""The U-Net of `keypoint_model` with two steps that are faster on the CPU; the weights have the same names.
+"""The U-Net of `keypoint_model` with faster steps on the CPU; the weights have the same names.
 
 Source: Barnes & Posner 2020, section III-A and figure 2.
 """
@@ -9,7 +9,7 @@ from torch.nn.functional import interpolate, max_pool2d
 
 from echoscape.learn.model.keypoint_model import Decoder, Encoder, Maps, blurred_max_pool
 from echoscape.learn.model.ops.channels_last import with_gradient_by_pixel
-from echoscape.learn.model.ops.inference import blurred_maxima
+from echoscape.learn.model.ops.inference import blurred_maxima, upsampled_above
 
 
 class FastEncoder(Encoder):
@@ -36,7 +36,7 @@ class FastEncoder(Encoder):
 
 
 class FastDecoder(Decoder):
-    """Decoder of the U-Net, whose upsampled maps have gradients in the memory layout of convolutions."""
+    """Decoder of the U-Net, which upsamples and concatenates in one step where no gradient is asked for."""
 
     def forward(self, maps: Maps) -> Tensor:
         """Compute one number per pixel.
@@ -49,6 +49,13 @@ class FastDecoder(Decoder):
         """
         values = maps[-1]
         for fine, layer in zip(maps[-2::-1], list(self.blocks)[::-1], strict=True):
-            upsampled = interpolate(values, scale_factor=2, mode="bilinear", align_corners=False)
-            values = layer(torch.cat([with_gradient_by_pixel(upsampled), fine], 1))
+            values = layer(_upsampled_above(values, fine))
         return self.head(values)
+
+
+def _upsampled_above(coarse: Tensor, fine: Tensor) -> Tensor:
+    """Return (B, C + F, 2 H, 2 W): maps (B, C, H, W) upsampled bilinearly, and finer ones."""
+    if not coarse.requires_grad:
+        return upsampled_above(coarse, fine)
+    wide = interpolate(coarse, scale_factor=2, mode="bilinear", align_corners=False)
+    return torch.cat([with_gradient_by_pixel(wide), fine], 1)

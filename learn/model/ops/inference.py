@@ -1,7 +1,7 @@
-"""Low-passed maxima where no gradient is asked for, faster than PyTorch's operators on the CPU.
+"""Low-passed maxima and upsampling without gradients, faster than PyTorch's operators on the CPU.
 
 Maps have a pixel's channels side by side in memory, as convolutions return them, and are processed by whole
-rows and columns. A test compares with `keypoint_model.blurred_max_pool`.
+rows and columns. Tests compare with `keypoint_model.blurred_max_pool` and `torch.nn.functional.interpolate`.
 """
 
 import torch
@@ -41,3 +41,38 @@ def _neighbours_maxima(values: Tensor) -> tuple[Tensor, Tensor]:
 def _blurred(odd: Tensor, even: Tensor) -> Tensor:
     """Return means of neighbours, 1-2-1: odd (B, n, ...) in the middle, even (B, n + 1, ...) around."""
     return torch.lerp(torch.lerp(even[:, :-1], even[:, 1:], 0.5), odd, 0.5)
+
+
+def upsampled_above(coarse: Tensor, fine: Tensor) -> Tensor:
+    """Upsample maps bilinearly to twice their size and concatenate finer maps.
+
+    Pixels are areas: samples are a quarter of a pixel before and after the centre of each.
+
+    Args:
+        coarse: Maps (B, C, H, W).
+        fine: Maps (B, F, 2 H, 2 W).
+
+    Returns:
+        Maps (B, C + F, 2 H, 2 W).
+    """
+    batch, channels, rows, columns = coarse.shape
+    total = coarse.new_empty(batch, 2 * rows, 2 * columns, channels + fine.shape[1])
+    by_pixel = coarse.permute(0, 2, 3, 1)
+    for row in (0, 1):
+        lines = _shifted(by_pixel, 1, torch.empty_like(by_pixel), forward=bool(row))
+        for column in (0, 1):
+            part = total[:, row::2, column::2, :channels]
+            _shifted(lines, 2, part, forward=bool(column))
+    total[..., channels:] = fine.permute(0, 2, 3, 1)
+    return total.permute(0, 3, 1, 2)
+
+
+def _shifted(values: Tensor, side: int, into: Tensor, *, forward: bool) -> Tensor:
+    """Write values shifted by a quarter of a pixel along a side to `into`, edges repeated; return it."""
+    count = values.shape[side] - 1
+    first, second = values.narrow(side, 0, count), values.narrow(side, 1, count)
+    here, there = (first, second) if forward else (second, first)
+    torch.lerp(here, there, 0.25, out=into.narrow(side, 0 if forward else 1, count))
+    edge = count if forward else 0
+    into.select(side, edge).copy_(values.select(side, edge))
+    return into

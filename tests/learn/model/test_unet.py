@@ -20,7 +20,7 @@ from echoscape.learn.model.keypoint_model import (
     unit,
 )
 from echoscape.learn.model.model_settings import Pooling
-from echoscape.learn.model.ops.inference import blurred_maxima
+from echoscape.learn.model.ops.inference import blurred_maxima, upsampled_above
 from echoscape.learn.model.unet import FastDecoder, FastEncoder
 from tests.learn.maps import drawn_maps, drawn_points, oblong_maps
 
@@ -124,6 +124,15 @@ def test_a_network_says_the_same_with_and_without_gradients(pooling: Pooling) ->
         found = decoder(encoder(images))
     assert asked.requires_grad
     assert_allclose(found, asked.detach(), atol=1e-6)
+
+
+@pytest.mark.parametrize("shape", [(2, 3, 4, 6), (1, 1, 1, 1), (1, 5, 1, 3)])
+def test_upsampling_beside_finer_maps_is_that_of_interpolation(shape: tuple[int, ...]) -> None:
+    draws = torch.Generator().manual_seed(6)
+    coarse = torch.randn(shape, generator=draws, dtype=torch.float64)
+    fine = torch.randn((shape[0], 2, 2 * shape[2], 2 * shape[3]), generator=draws, dtype=torch.float64)
+    plain = torch.cat([interpolate(coarse, scale_factor=2, mode="bilinear", align_corners=False), fine], 1)
+    assert_allclose(upsampled_above(coarse, fine), plain, atol=1e-12)
 
 
 def test_blurred_maxima_of_a_ramp_are_its_maxima_where_pools_are() -> None:
