@@ -21,7 +21,7 @@ from echoscape.learn.data.image import Projector, range_cells
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.model.keypoint_model import KeypointModel
 from echoscape.learn.model.model_settings import ModelSettings
-from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, quick_config
+from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, fast_config
 from echoscape.learn.training.checkpoint import initial_model
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import open_folder
@@ -104,7 +104,7 @@ def main() -> None:
     for size in options.sizes:
         for name, config in {
             "every pixel, float32": MatcherConfig(),
-            "as odometry has it": quick_config(torch.device("cpu")),
+            "as odometry has it": fast_config(torch.device("cpu")),
         }.items():
             measure(f"{size} px, {name}", size, config, options.repeats)
         measure_plain(size, options.repeats)

@@ -10,9 +10,9 @@ from echoscape.eval.odometry.interface import MatchedPoints, PairFailed, PairMot
 from echoscape.learn import model as model_package
 from echoscape.learn.model.device import Device, resolve_device
 from echoscape.learn.model.weights import load_weights
-from echoscape.learn.odometry.keyframe_odometry import PAIRS_ALONE, KeyframeOdometry, OdometryConfig
+from echoscape.learn.odometry.keyframe_odometry import ROBUST_PAIRS, KeyframeOdometry, OdometryConfig
 from echoscape.learn.odometry.paper_odometry import PaperOdometry
-from echoscape.learn.odometry.scan_matcher import ScanMatcher, quick_config
+from echoscape.learn.odometry.scan_matcher import ScanMatcher, fast_config
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.polar_scan import PolarScan
 
@@ -73,7 +73,7 @@ class LearnedOdometry:
         """Name of the method in results."""
         if isinstance(self.odometry, PaperOdometry):
             return "learned, paper"
-        solver = ["robust"] if self.odometry.config == PAIRS_ALONE else []
+        solver = ["robust"] if self.odometry.config == ROBUST_PAIRS else []
         compensation = [] if self.odometry.compensates else ["not compensated"]
         return ", ".join(["learned", *solver, *compensation])
 
@@ -159,6 +159,6 @@ def learned_odometry(
     model, _ = load_weights(weights)
     if solver == "paper":
         return LearnedOdometry(PaperOdometry(model, device=where, range_offset_m=range_offset_m))
-    matcher = ScanMatcher(model, quick_config(where), device=where, range_offset_m=range_offset_m)
-    config = PAIRS_ALONE if solver == "robust" else OdometryConfig()
+    matcher = ScanMatcher(model, fast_config(where), device=where, range_offset_m=range_offset_m)
+    config = ROBUST_PAIRS if solver == "robust" else OdometryConfig()
     return LearnedOdometry(KeyframeOdometry(matcher, config, doppler_beta_s=doppler_beta_s))

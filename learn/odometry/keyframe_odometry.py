@@ -56,7 +56,7 @@ class OdometryConfig:
                 raise ValueError(f"{name} must be above 0, got 0")
 
 
-PAIRS_ALONE = OdometryConfig(
+ROBUST_PAIRS = OdometryConfig(
     keyframe_m=0.0,
     max_extrapolation_m=0.0,
     max_extrapolation_rad=0.0,

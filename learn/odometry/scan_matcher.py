@@ -84,7 +84,7 @@ class MatcherConfig:
     network_dtype: torch.dtype = torch.float32
 
 
-def quick_config(device: torch.device) -> MatcherConfig:
+def fast_config(device: torch.device) -> MatcherConfig:
     """Choose the fastest configuration that is as accurate: one sample per 2 x 2 pixels.
 
     Networks and products are bfloat16 where the device multiplies it natively, which changes motions by

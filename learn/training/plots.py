@@ -17,6 +17,7 @@ from echoscape.sim.datasets.files.atomic_write import read_text, temporary_besid
 
 _MATCHES = 150
 """Matches that are drawn, those with the largest weights."""
+_DOT, _LINE = "tab:green", "tab:orange"
 
 
 def draw_training(log: Path, out: Path, model: FastKeypointModel, example: tuple[PairDataset, Pair]) -> None:
@@ -32,7 +33,9 @@ def draw_training(log: Path, out: Path, model: FastKeypointModel, example: tuple
     FigureCanvasAgg(figure)
     losses, errors, matches = figure.subplots(1, 3, width_ratios=(5, 5, 6))
     entries = [json.loads(line) for line in read_text(log).splitlines()]
-    _draw_curves(losses, entries, "loss_m", "loss [m]; validation: of the pose only")
+    validated = any("validation" in entry for entry in entries)
+    loss = "loss [m]; validation: of the pose only" if validated else "loss [m]"
+    _draw_curves(losses, entries, "loss_m", loss)
     _draw_curves(errors, entries, "median_m", "median error of a pair's translation [m]")
     _draw_matches(matches, model, *example)
     temporary = temporary_beside(out)
@@ -44,8 +47,9 @@ def _draw_curves(axes: Axes, entries: list[dict], name: str, label: str) -> None
     training = [entry for entry in entries if "validation" not in entry]
     validation = [entry for entry in entries if "validation" in entry]
     axes.plot([x["step"] for x in training], [x[name] for x in training], ".", label="training")
-    held_out = [x["validation"][name] for x in validation]
-    axes.plot([x["step"] for x in validation], held_out, "o-", label="validation")
+    if validation:
+        held_out = [x["validation"][name] for x in validation]
+        axes.plot([x["step"] for x in validation], held_out, "o-", label="validation")
     if entries:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -70,7 +74,10 @@ def _draw_matches(axes: Axes, model: FastKeypointModel, pairs: PairDataset, pair
     axes.imshow(image, cmap="gray", extent=(-half, half, -half, half), vmax=0.6)
     best = np.argsort(weight)[-_MATCHES:]
     for start, end in zip(start_m[best], found_m[best], strict=True):
-        axes.plot([start[1], end[1]], [start[0], end[0]], color="tab:orange", linewidth=0.7)
-    axes.scatter(found_m[best, 1], found_m[best, 0], s=4, color="tab:green")
-    title = f"the {_MATCHES} matches of a pair with the largest weights: place and error"
-    axes.set(xlim=(-half, half), ylim=(-half, half), title=title)
+        axes.plot([start[1], end[1]], [start[0], end[0]], color=_LINE, linewidth=0.7)
+    axes.scatter(found_m[best, 1], found_m[best, 0], s=4, color=_DOT)
+    axes.plot([], [], ".", color=_DOT, label="matched point of the destination, which is shown")
+    axes.plot([], [], color=_LINE, label="error: to the keypoint of the source, moved by the estimate")
+    axes.legend(loc="upper left", fontsize=8)
+    axes.set(xlim=(-half, half), ylim=(-half, half), xlabel="right [m]", ylabel="forward [m]")
+    axes.set_title(f"the {len(best)} matches of a pair with the largest weights")

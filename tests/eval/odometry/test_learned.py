@@ -18,7 +18,7 @@ from echoscape.eval.odometry.learned import (
 )
 from echoscape.learn.model.device import Device
 from echoscape.learn.model.weights import load_weights
-from echoscape.learn.odometry.keyframe_odometry import PAIRS_ALONE, KeyframeOdometry, OdometryConfig
+from echoscape.learn.odometry.keyframe_odometry import ROBUST_PAIRS, KeyframeOdometry, OdometryConfig
 from echoscape.learn.odometry.pair_estimate import PairEstimate
 from echoscape.learn.odometry.paper_odometry import PaperOdometry
 from echoscape.learn.odometry.scan_matcher import ScanMatcher
@@ -98,7 +98,7 @@ def test_the_name_gives_the_solver() -> None:
     matcher = cast(ScanMatcher, None)
     names = [
         LearnedOdometry(KeyframeOdometry(matcher, config, doppler_beta_s=beta_s)).name
-        for config, beta_s in ((None, 0.05), (PAIRS_ALONE, 0.05), (None, None))
+        for config, beta_s in ((None, 0.05), (ROBUST_PAIRS, 0.05), (None, None))
     ]
     assert names == ["learned", "learned, robust", "learned, not compensated"]
     assert learned_odometry(chosen_weights(), solver="paper", doppler_beta_s=0.05).name == "learned, paper"
@@ -108,7 +108,7 @@ def test_solvers_are_built_as_asked() -> None:
     built = {solver: learned_odometry(chosen_weights(), solver=solver).odometry for solver in SOLVERS}
     assert isinstance(built["paper"], PaperOdometry)
     assert isinstance(built["robust"], KeyframeOdometry)
-    assert built["robust"].config == PAIRS_ALONE
+    assert built["robust"].config == ROBUST_PAIRS
     assert isinstance(built["keyframe"], KeyframeOdometry)
     assert built["keyframe"].config == OdometryConfig()
     with pytest.raises(ValueError, match="solver must be robust or keyframe"):

@@ -22,7 +22,7 @@ from echoscape.learn.model.keypoint_model import CHANNELS, Maps, dense_descripto
 from echoscape.learn.model.keypoints import keypoints_at
 from echoscape.learn.model.model_settings import ModelSettings
 from echoscape.learn.model.pixel_coords import pixels_of_metres
-from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, folded, quick_config
+from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, folded, fast_config
 from echoscape.learn.training.checkpoint import initial_model
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.se2 import IDENTITY, SE2
@@ -133,7 +133,7 @@ def test_places_outside_the_destination_surprise_nobody() -> None:
 
 def test_the_quick_way_is_robust_and_searches_between_pixels() -> None:
     device = torch.device("cpu")
-    found = quick_config(device)
+    found = fast_config(device)
     assert found.robust
     assert found.matching.stride == 2
     assert found.network_dtype == found.matching.dtype == fast_dtype(device)

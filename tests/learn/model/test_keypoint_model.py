@@ -15,8 +15,11 @@ from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matchin
 from echoscape.learn.model.keypoint_model import (
     KeypointModel,
     dense_descriptors,
+    keypoint_locations,
+    match_weights,
     matched_locations,
     pose_loss,
+    sampled,
     unit,
     weighted_pose,
 )
@@ -167,6 +170,64 @@ def test_a_descriptor_is_matched_to_the_mean_of_equal_pixels() -> None:
     dense[0, 0, 1, 2] = dense[0, 0, 3, 6] = 1.0
     query = torch.tensor([[[1.0, 0, 0, 0]]])
     assert_allclose(matched_locations(query, dense, temperature=500.0), [[[2.0, 4.0]]], atol=1e-5)
+
+
+def test_a_weight_is_the_product_of_both_scores_and_the_similarity() -> None:
+    """(cos + 1) / 2 s_s s_d, computed here by hand with three unlike factors."""
+    found = match_weights(torch.tensor([[0.5, -1.0]]), torch.tensor([[0.8, 0.8]]), torch.tensor([[0.3, 0.9]]))
+    assert_allclose(found, [[0.75 * 0.8 * 0.3, 0.0]], atol=1e-7)
+
+
+def test_maps_are_sampled_bilinearly_with_their_edges_repeated() -> None:
+    """Of a plane 10 row + column, bilinear interpolation is exact; beyond the edge the last pixel counts."""
+    rows, columns = torch.meshgrid(torch.arange(4.0), torch.arange(6.0), indexing="ij")
+    plane = torch.stack([10 * rows + columns, -rows])[None]
+    points = torch.tensor([[[1.25, 3.5], [0.0, 0.0], [3.9, 7.0]]])
+    assert_allclose(sampled(plane, points), [[[16.0, -1.25], [0.0, 0.0], [35.0, -3.0]]], atol=1e-5)
+
+
+def test_a_keypoint_lies_at_the_mean_of_its_cell_by_the_softmax() -> None:
+    """Two pixels of a cell share it three to one; a cell of equal logits has its keypoint at the centre."""
+    logits = torch.zeros(1, 1, 8, 8)
+    logits[0, 0, :4, :4] = -100.0
+    logits[0, 0, 0, 1], logits[0, 0, 2, 3] = math.log(3.0), 0.0
+    found = keypoint_locations(logits, 2)
+    assert_allclose(found, [[[0.5, 1.5], [1.5, 5.5], [5.5, 1.5], [5.5, 5.5]]], atol=1e-5)
+
+
+class _Given(torch.nn.Module):
+    """A network part whose output is given."""
+
+    def __init__(self, output: Tensor) -> None:
+        super().__init__()
+        self.output = output
+
+    def forward(self, maps: tuple[Tensor, ...]) -> Tensor:
+        return self.output[: len(maps[0])]
+
+
+def test_a_match_weighs_by_its_own_score_and_that_of_where_it_is_found() -> None:
+    """Distinct pixels of the source lie two rows up in the destination; scores are unlike everywhere.
+
+    Each weight must be (1 + 1) / 2 s_source(keypoint) s_destination(match), and the motion two metres forward.
+    """
+    settings = ModelSettings(image=ImageSettings(size=16, pixel_m=1.0), cells=2, temperature=500.0)
+    model = KeypointModel(settings).eval()
+    draws = torch.Generator().manual_seed(7)
+    fine = torch.nn.functional.normalize(torch.randn(1, 8, 16, 16, generator=draws), dim=1)
+    coarse = [torch.zeros(2, channels, 16, 16) for channels in (16, 32, 64, 128)]
+    maps = (torch.cat([fine, fine.roll(-2, 2)]), *coarse)
+    scores = torch.rand(2, 1, 16, 16, generator=draws)
+    logits = torch.full((1, 1, 16, 16), -100.0)
+    rows, columns = torch.tensor([4, 5, 12, 13]), torch.tensor([3, 10, 5, 12])
+    logits[0, 0, rows, columns] = 0.0
+    model.encoder, model.locations = _Given(torch.zeros(0)), _Given(logits)
+    model.scores = _Given(scores.logit())
+    model.maps = lambda images: maps  # type: ignore[method-assign]
+    motion, matches = model(torch.zeros(1, 1, 16, 16), torch.zeros(1, 1, 16, 16))
+    wanted = scores[0, 0, rows, columns] * scores[1, 0, rows - 2, columns]
+    assert_allclose(matches.weights, wanted[None], rtol=1e-3)
+    assert_allclose(motion.translation_m, [[2.0, 0.0]], atol=1e-2)
 
 
 def test_the_embedding_is_the_largest_of_each_dense_descriptor() -> None:

@@ -18,7 +18,7 @@ from echoscape.learn.geometry.motion_compensation import Part, ScanMotionModel
 from echoscape.learn.geometry.se2 import transform
 from echoscape.learn.model.local_matching import Near
 from echoscape.learn.model.model_settings import ModelSettings
-from echoscape.learn.odometry.keyframe_odometry import PAIRS_ALONE, KeyframeOdometry, OdometryConfig
+from echoscape.learn.odometry.keyframe_odometry import ROBUST_PAIRS, KeyframeOdometry, OdometryConfig
 from echoscape.learn.odometry.pair_estimate import PairEstimate
 from echoscape.learn.odometry.scan_matcher import ScanFeatures, ScanMatcher
 from echoscape.learn.training.checkpoint import initial_model
@@ -137,7 +137,7 @@ def end(found: list[SE2], true: list[SE2]) -> End:
     return End(off.length_m, abs(off.yaw_rad))
 
 
-@pytest.mark.parametrize("config", [None, PAIRS_ALONE])
+@pytest.mark.parametrize("config", [None, ROBUST_PAIRS])
 def test_what_is_seen_rightly_is_followed_exactly(config: OdometryConfig | None) -> None:
     poses = drive()
     found = followed(Seeing(poses), config)
@@ -147,7 +147,7 @@ def test_what_is_seen_rightly_is_followed_exactly(config: OdometryConfig | None)
 
 def test_a_lean_towards_where_things_have_been_shortens_pairs_but_hardly_what_is_followed() -> None:
     poses = drive()
-    alone = end(followed(Seeing(poses, bias=0.1), PAIRS_ALONE), poses)
+    alone = end(followed(Seeing(poses, bias=0.1), ROBUST_PAIRS), poses)
     kept = end(followed(Seeing(poses, bias=0.1)), poses)
     steps = [pose.inverse() @ after for pose, after in pairwise(poses)]
     turned = sum(abs(step.yaw_rad) for step in steps)
@@ -311,14 +311,14 @@ def test_matches_are_looked_for_nearby_once_there_is_an_expectation() -> None:
     followed(seeing, OdometryConfig(search_sigma_m=1.25))
     assert seeing.search_sigmas_m == [None, 1.25, 1.25, 1.25]
     alone = Seeing(chained([SE2(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2))
-    followed(alone, PAIRS_ALONE)
+    followed(alone, ROBUST_PAIRS)
     assert alone.search_sigmas_m == [None, None]
 
 
 def test_pairs_alone_are_what_the_estimator_says_of_them() -> None:
     poses = drive(10)
     seeing = Seeing(poses, bias=0.3)
-    odometry = KeyframeOdometry(seeing, PAIRS_ALONE)
+    odometry = KeyframeOdometry(seeing, ROBUST_PAIRS)
     state = odometry.start(scan(0))
     for number in range(1, len(poses)):
         found, state = odometry.follow(state, scan(number))
