@@ -1,6 +1,6 @@
 """The graph of imports within the package, and the rules that it keeps.
 
-The rules are functions of a graph or of a list of paths, so that each can be shown to find what it forbids.
+The rules are functions of a graph or of a list of paths, so that tests can check that each finds what it forbids.
 """
 
 import ast
@@ -8,7 +8,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 Graph = Mapping[str, set[str]]
-"""Modules by their dotted name below the root package, each with the modules that it imports."""
+"""Modules by their dotted name below the root package, each with the modules that it imports.
+
+The root package itself, which offers the public names of all layers, has its own name.
+"""
 
 ROOT_PACKAGE = "echoscape"
 LAYERS = ("scenes", "sim", "learn", "eval", "cli")
@@ -45,22 +48,59 @@ def import_graph(sources: Mapping[str, str]) -> dict[str, set[str]]:
             name of the package.
 
     Returns:
-        The graph. Names of `lazy_loader.attach` are strings and count as no import.
+        The graph. Strings given to `import_module` count, of an f-string the packages before its first
+        variable. Names of `lazy_loader.attach` are strings and count as no import.
+
+    Raises:
+        ValueError: A relative import leads out of the root package.
     """
-    return {name: _imports(ast.parse(text), sources) for name, text in sources.items()}
+    return {name: _imports(name, ast.parse(text), sources) for name, text in sources.items()}
 
 
-def _imports(tree: ast.AST, modules: Iterable[str]) -> set[str]:
+def _imports(name: str, tree: ast.AST, modules: Iterable[str]) -> set[str]:
     modules = set(modules)
+    is_package = any(each.startswith(f"{name}.") for each in modules)
+    package = f"{ROOT_PACKAGE}.{name}" if is_package else f"{ROOT_PACKAGE}.{name}".rpartition(".")[0]
     found: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
+        elif isinstance(node, ast.ImportFrom):
+            module = _absolute("." * node.level + (node.module or ""), package)
             for alias in node.names:
-                inner = f"{node.module}.{alias.name}"
-                found.add(inner if inner.partition(".")[2] in modules else node.module)
-    return {name.partition(".")[2] for name in found if name.startswith(f"{ROOT_PACKAGE}.")}
+                inner = f"{module}.{alias.name}"
+                found.add(inner if inner.partition(".")[2] in modules else module)
+        elif isinstance(node, ast.Call):
+            found.add(_absolute(_module_by_name(node), package))
+    inside = {each for each in found if _within(each, ROOT_PACKAGE)}
+    return {each.partition(".")[2] or ROOT_PACKAGE for each in inside}
+
+
+def _absolute(module: str, package: str) -> str:
+    """Return the full name of a module; leading dots are relative to a package."""
+    name = module.lstrip(".")
+    level = len(module) - len(name)
+    if level == 0:
+        return name
+    parents = package.split(".")
+    if level > len(parents):
+        raise ValueError(f"{module} in {package} leads out of {ROOT_PACKAGE}")
+    return ".".join([*parents[: len(parents) - level + 1], *([name] if name else [])])
+
+
+def _module_by_name(call: ast.Call) -> str:
+    """Return the module that a call of `import_module` names, or an empty string."""
+    called = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+    given = [*call.args, *(each.value for each in call.keywords if each.arg == "name")]
+    if called not in ("import_module", "__import__") or not given:
+        return ""
+    if isinstance(given[0], ast.JoinedStr):
+        return _string(given[0].values[0]).rpartition(".")[0]
+    return _string(given[0])
+
+
+def _string(node: ast.expr) -> str:
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
 
 
 def circles(graph: Graph) -> list[list[str]]:
@@ -93,8 +133,19 @@ def circles(graph: Graph) -> list[list[str]]:
 
 
 def wrong_layers(graph: Graph) -> list[tuple[str, str]]:
-    """Return the imports (importing, imported) from a later top-level folder."""
+    """Return the imports (importing, imported) from a later top-level folder.
+
+    The root package is later than all of them: its names are imported from any of them on first use.
+    """
     return _imports_where(graph, lambda a, b: _level(LAYERS, b) > _level(LAYERS, a))
+
+
+def own_public_names(graph: Graph) -> list[tuple[str, str]]:
+    """Return the imports, within a layer with an order of packages, of the public names of that layer.
+
+    They come from all of its packages, so that they are above each of them: import the module itself.
+    """
+    return _imports_where(graph, lambda a, b: b in PACKAGE_ORDER and a.startswith(f"{b}."))
 
 
 def wrong_packages(graph: Graph) -> list[tuple[str, str]]:
@@ -107,7 +158,7 @@ def wrong_packages(graph: Graph) -> list[tuple[str, str]]:
     def wrong(importing: str, imported: str) -> bool:
         layer, _, rest = importing.partition(".")
         other_layer, _, other_rest = imported.partition(".")
-        if layer != other_layer or layer not in PACKAGE_ORDER or not rest:
+        if layer != other_layer or layer not in PACKAGE_ORDER or not rest or not other_rest:
             return False
         own, other = rest.partition(".")[0], other_rest.partition(".")[0]
         return own != other and _place(layer, own) <= _place(layer, other)
@@ -178,7 +229,7 @@ def _imports_where(graph: Graph, wrong: Callable[[str, str], bool]) -> list[tupl
 
 
 def _level(order: Sequence[str], name: str) -> int:
-    return order.index(name.partition(".")[0])
+    return len(order) if name == ROOT_PACKAGE else order.index(name.partition(".")[0])
 
 
 def _place(layer: str, package: str) -> int:

@@ -10,6 +10,7 @@ from tests.layering import (
     crowded_folders,
     forbidden_imports,
     import_graph,
+    own_public_names,
     sources_of,
     unmirrored_tests,
     untested_packages,
@@ -39,6 +40,10 @@ def test_the_graph_is_that_of_the_project() -> None:
 
 def test_imports_follow_the_order_of_layers() -> None:
     assert wrong_layers(GRAPH) == []
+
+
+def test_no_module_imports_the_public_names_of_its_own_layer() -> None:
+    assert own_public_names(GRAPH) == []
 
 
 def test_imports_follow_the_order_of_packages() -> None:
@@ -84,6 +89,7 @@ IN_FUNCTION = "def f():\n    {}"
 FOR_TYPES = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    {}"
 RULES = {
     "layers": wrong_layers,
+    "own public names": own_public_names,
     "packages": wrong_packages,
     "forbidden": forbidden_imports,
     "circles": circles,
@@ -104,6 +110,30 @@ ADDED = [
     ("forbidden", "sim.receiver.receiver", "import echoscape.sim.raytracing.tracer", "sim.raytracing.tracer"),
     ("forbidden", "learn.model.unet", "from echoscape.sim.echoes import Echoes", "sim.echoes"),
     ("forbidden", "learn.model.unet", "import echoscape.sim.simulator", "sim.simulator"),
+    # The root package, from each layer.
+    ("layers", "scenes.core.scene", "import echoscape", "echoscape"),
+    ("layers", "scenes.io.user_scene", "from echoscape import Simulator", "echoscape"),
+    ("layers", "sim.simulator", "from echoscape import Simulator", "echoscape"),
+    ("layers", "learn.model.unet", "import echoscape as es", "echoscape"),
+    ("layers", "eval.figures.style", "from echoscape import *", "echoscape"),
+    ("layers", "cli.main", "from echoscape import __version__", "echoscape"),
+    ("layers", "sim.simulator", "from .. import Simulator", "echoscape"),
+    # The public names of a layer, from inside it.
+    ("own public names", "sim.raytracing.tracer", "from echoscape.sim import Simulator", "sim"),
+    ("own public names", "scenes.core.scene", "import echoscape.scenes", "scenes"),
+    ("own public names", "learn.model.unet", "from ...learn import KeypointModel", "learn"),
+    # By name.
+    ("packages", "sim.echoes", 'import_module("echoscape.sim.simulator")', "sim.simulator"),
+    ("layers", "sim.echoes", 'importlib.import_module(name="echoscape.cli.main")', "cli.main"),
+    ("layers", "sim.echoes", 'import_module("echoscape")', "echoscape"),
+    ("layers", "sim.echoes", 'import_module(f"echoscape.cli.{name}")', "cli"),
+    ("forbidden", "learn.model.unet", '__import__("echoscape.sim.simulator")', "sim.simulator"),
+    ("forbidden", "sim.receiver.receiver", 'import_module("..raytracing.tracer")', "sim.raytracing.tracer"),
+    # Relative to the package.
+    ("forbidden", "sim.receiver.receiver", "from ..raytracing import tracer", "sim.raytracing.tracer"),
+    ("forbidden", "sim.receiver.receiver", "from ..raytracing.tracer import f", "sim.raytracing.tracer"),
+    ("packages", "sim.echoes", "from . import simulator", "sim.simulator"),
+    ("layers", "scenes.core.scene", "from ...cli.main import main", "cli.main"),
 ]
 
 
@@ -128,6 +158,27 @@ def test_circles_are_found(where: str) -> None:
         {**SMALL, "scenes.core.scene": added, "scenes.core.checks": "import echoscape.sim.echoes"}
     )
     assert circles(back) == [["scenes.core.checks", "scenes.core.scene", "sim.echoes"]]
+
+
+def test_relative_imports_of_a_package_start_at_the_package() -> None:
+    graph = import_graph({**SMALL, "scenes": "from .core import scene\nfrom . import core"})
+    assert graph["scenes"] == {"scenes.core.scene", "scenes"}  # core has no __init__ in the small graph
+
+
+def test_relative_imports_that_leave_the_root_package_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"\.\.\.\.other in echoscape\.scenes\.core leads out of echoscape"):
+        import_graph({**SMALL, "scenes.core.scene": "from ....other import thing"})
+
+
+def test_the_dynamic_import_of_commands_breaks_no_rule() -> None:
+    graph = import_graph({**SMALL, "cli.main": 'import_module(f"echoscape.cli.{command}").main(words)'})
+    assert graph["cli.main"] == {"cli"}
+    assert [rule(graph) for rule in RULES.values()] == [[]] * len(RULES)
+
+
+def test_other_calls_with_names_of_modules_import_nothing() -> None:
+    calls = 'print("echoscape.sim.simulator")\nimport_module(name)\nimport_module()\nimport_module(f"{a}.b")'
+    assert import_graph({**SMALL, "sim.echoes": calls})["sim.echoes"] == set()
 
 
 def test_a_module_that_imports_itself_is_a_circle() -> None:
