@@ -45,7 +45,8 @@ fidelity: $(READY)
 	mv build/fidelity/turn/motion_distortion.png build/fidelity/turn/interference.png docs/artefacts
 	mv docs/artefacts/artefacts.md build/fidelity
 	$(BIN)/python -m benchmarks.fidelity_tables docs/fidelity.md \
-		build/fidelity/town_7/fidelity build/fidelity/town_101/fidelity build/fidelity/town_102/fidelity build/fidelity
+		build/fidelity/town_7/fidelity build/fidelity/town_101/fidelity build/fidelity/town_102/fidelity \
+		build/fidelity build/fidelity/turn
 
 # Data sets of docs/learning.md, some 40 GB: training, 30 towns of 400 scans; validation, 3 of 100 and 4 of 600;
 # test, 4 of 600. Started again, it continues where it was stopped.

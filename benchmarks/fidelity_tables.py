@@ -1,9 +1,10 @@
 """Puts measured tables into docs/fidelity.md.
 
-    python -m benchmarks.fidelity_tables DOC REPORT [REPORT ...] ARTEFACTS
+    python -m benchmarks.fidelity_tables DOC REPORT [REPORT ...] ARTEFACTS [ARTEFACTS ...]
 
 REPORT is a folder that `echoscape fidelity` wrote, the first of which is listed in full; ARTEFACTS is one
-that `echoscape artefacts` wrote. `make fidelity` runs all three.
+that `echoscape artefacts` wrote, whose rows replace those of the same artefacts in the folders before it.
+`make fidelity` runs all three.
 """
 
 import json
@@ -64,16 +65,38 @@ def seeds_table(reports: Sequence[Path]) -> str:
     return "\n".join(lines)
 
 
+def changes_table(tables: Sequence[str]) -> str:
+    """Join tables of changes: the rows of an artefact are those of the last table that has it.
+
+    Args:
+        tables: Tables in Markdown, whose first column names the artefact; the first has all of them.
+
+    Returns:
+        The table in Markdown, its artefacts in the order of the first table.
+    """
+    head = tables[0].splitlines()[:2]
+    rows: dict[str, list[str]] = {}
+    for table in tables:
+        found: dict[str, list[str]] = {}
+        for line in table.splitlines()[2:]:
+            found.setdefault(line.split("|")[1].strip(), []).append(line)
+        rows |= found
+    return "\n".join([*head, *(line for lines in rows.values() for line in lines)])
+
+
 def main(arguments: Sequence[str]) -> None:
     """Rewrite the tables of a page.
 
     Args:
-        arguments: Paths: the page, the reports, and the folder of the artefacts.
+        arguments: Paths: the page, the reports, and the folders of the artefacts.
     """
-    page, *reports, artefacts = map(Path, arguments)
+    page, *folders = map(Path, arguments)
+    artefacts = [folder for folder in folders if (folder / "artefacts.md").exists()]
+    reports = [folder for folder in folders if folder not in artefacts]
+    tables = [(folder / "artefacts.md").read_text() for folder in artefacts]
     text = filled(page.read_text(), "figures", statistics_table(reports[0]))
     text = filled(text, "seeds", seeds_table(reports))
-    page.write_text(filled(text, "changes", (artefacts / "artefacts.md").read_text()))
+    page.write_text(filled(text, "changes", changes_table(tables)))
 
 
 if __name__ == "__main__":

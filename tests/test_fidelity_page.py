@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks.fidelity_tables import filled
+from benchmarks.fidelity_tables import changes_table, filled
 from echoscape.eval.ablation.cases import CASES
 from echoscape.eval.fidelity.reference_values import TARGETS
 from echoscape.eval.fidelity.score import span_text, tolerance_text
@@ -72,6 +72,29 @@ def test_levels_of_the_sidelobes_are_those_of_the_beam() -> None:
     for level_db, off_deg in listed:
         gain = np.interp(np.deg2rad(off_deg), beam.azimuth_grid_rad, beam.azimuth_two_way)
         assert 10 * np.log10(gain / beam.azimuth_two_way.max()) == pytest.approx(level_db, abs=0.6)
+
+
+def test_arcs_of_sidelobes_reach_as_far_as_the_beam_lets_them() -> None:
+    section = " ".join(PAGE.partition("### Sidelobes")[2].partition("###")[0].split())
+    arcs = re.search(
+        r"echo (\d+) dB above .* arc of (\d+) deg .* one of (\d+) dB an arc of (\d+) deg", section
+    )
+    ring = re.search(r"full ring takes (\d+) dB, .* clips \((\d+) dB\)", section)
+    assert arcs is not None
+    assert ring is not None
+    beam = Antenna(sensor=CTS350X)
+    level_db = 10 * np.log10(beam.azimuth_two_way / beam.azimuth_two_way.max())
+    for strength_db, reach_deg in ((arcs[1], arcs[2]), (arcs[3], arcs[4])):
+        reached = np.abs(beam.azimuth_grid_rad)[level_db >= -float(strength_db)]
+        assert np.rad2deg(reached.max()) == pytest.approx(float(reach_deg), abs=0.6)
+    assert -level_db.min() == pytest.approx(float(ring[1]), abs=0.6)
+    assert CTS350X.full_scale_db == float(ring[2])
+
+
+def test_a_later_table_replaces_the_rows_of_its_artefacts() -> None:
+    head = "| artefact | mean |\n|---|---:|\n"
+    first, second = head + "| a | 1 |\n| b | 2 |\n| b | 3 |\n| c | 4 |\n", head + "| b | 5 |\n"
+    assert changes_table([first, second]) == head + "| a | 1 |\n| b | 5 |\n| c | 4 |"
 
 
 def test_tables_are_put_between_their_comments_only() -> None:

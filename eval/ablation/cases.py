@@ -94,7 +94,7 @@ CASES = (
         name="ghosts",
         span_m=140.0,
         region="ghost",
-        text="paths of two or three bounces, at half their length",
+        text="paths of two or three bounces, at half their length, with their spokes and sidelobe rings",
     ),
     ArtefactCase(
         name="sidelobes",
@@ -106,14 +106,14 @@ CASES = (
         name="saturation",
         view="polar",
         span_m=163.0,
-        text="clipping: harmonics at multiples of a strong echo's range, a lower floor between them",
+        text="harmonics at multiples of a strong echo's range, a lower floor where clipping is strongest",
     ),
     ArtefactCase(
         name="phase_noise",
         strength_text=quantity("rad"),
         view="polar",
         span_m=163.0,
-        text="skirts of strong echoes along their azimuth, wider at longer range",
+        text="skirts of strong echoes along their azimuth, stronger for far echoes",
     ),
     ArtefactCase(
         name="thermal_noise",
@@ -151,7 +151,7 @@ CASES = (
         span_m=30.0,
         region="mover",
         boxes=True,
-        text="range offset by radial speed: approaching objects appear nearer (rising sweep)",
+        text="range offset by radial speed (rising sweep): receding objects, behind the car, appear farther",
     ),
     ArtefactCase(
         name="movers",
@@ -159,14 +159,14 @@ CASES = (
         span_m=40.0,
         region="mover",
         boxes=True,
-        text="moving objects, shadows and ghosts; echoes lie off their boxes by the Doppler shift",
+        text="moving objects, mirror images and shadows; echoes lie off their boxes by the Doppler shift",
     ),
     ArtefactCase(
         name="rain",
         strength_text=quantity("mm/h"),
         strengths=(10.0, 25.0),
         span_m=200.0,
-        text="echoes of nearby drops, attenuation at long range",
+        text="echoes of drops within 100 m cover the ground's and fill shadows; attenuation: at most 2-4 dB",
     ),
     ArtefactCase(
         name="interference",

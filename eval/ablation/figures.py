@@ -1,4 +1,4 @@
-"""One figure for each artefact: part of a scan without it, with it, and the difference, on the same scale.
+"""One figure for each artefact: part of a scan without it, with it, and what changes, on the same scale.
 
 The part shown is the one that the artefact changes most (eval/ablation/crop.py).
 """
@@ -168,10 +168,14 @@ def _compared(axes: Axes, parts: Sequence[NDArray], part: Part, found: CaseScans
 
 
 def _draw_boxes(axes: Sequence[Axes], found: CaseScans) -> None:
-    """Outline the moving objects where each scan has them; the last panel has the boxes of the last scan."""
+    """Outline the moving objects where each scan has them; an overlay has the boxes of its last scan.
+
+    A difference has none: they would cover what it shows.
+    """
     scans = [*zip(found.scans, found.motion_distortion, strict=True)]
-    scans += scans[-1:] * (len(axes) - len(scans))
-    for each, (scan, distortion) in zip(axes, scans, strict=True):
+    if found.case.view == "overlay":
+        scans += scans[-1:]
+    for each, (scan, distortion) in zip(axes, scans, strict=False):
         if scan.truth is not None:
             for box in observed_boxes(scan, scan.truth, motion_distortion=distortion):
                 _draw_box(each, box)
