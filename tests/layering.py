@@ -1,6 +1,6 @@
 """The graph of imports within the package, and the rules that it keeps.
 
-The rules are functions of a graph or of a list of paths, so that tests can check that each finds what it forbids.
+The rules are functions of a graph or of a list of paths, so that tests check that each finds what it forbids.
 """
 
 import ast
