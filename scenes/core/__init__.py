@@ -1,1 +1,1 @@
-"""Plain data of a scene: meshes, materials, targets, lanes, trajectories. Imports no package but itself."""
+"""Plain data of a scene: meshes, materials, targets, lanes, headings, trajectories. Imports itself only."""

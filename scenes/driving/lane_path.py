@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.core.lane_graph import Lane
 
 CORNER_SIGMA_M = 1.0
@@ -151,7 +152,7 @@ def _uniform(
     return LanePath(
         step_m=step_m,
         xy=xy(at),
-        heading=np.unwrap(np.arctan2(first[:, 1], first[:, 0])),
+        heading=unwrapped_headings(first),
         curvature=(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / speed2**1.5,
         travel_m=np.interp(at, arc, travel),
     )

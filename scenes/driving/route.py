@@ -13,6 +13,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from echoscape.scenes.core.checks import check_between
+from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.core.lane_graph import Lane, RoadGraph
 
 _U_TURN_COST_M = 300.0
@@ -207,7 +208,7 @@ def _traced(before: NDArray[np.int32], start: int, goal: int) -> list[int]:
 
 def _turn_angle(lane: Lane) -> float:
     step = np.diff(lane.centre, axis=0)
-    heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    heading = unwrapped_headings(step)
     return float(heading[-1] - heading[0])
 
 

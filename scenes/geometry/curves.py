@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root_scalar
 
+from echoscape.scenes.core.headings import unwrapped_headings
+
 _END_POINTS = 12
 
 Line = NDArray[np.float64]
@@ -120,8 +122,7 @@ def headings(line: Line) -> NDArray[np.float64]:
     Returns:
         Unwrapped headings (P,) [rad], counter-clockwise from x.
     """
-    along = tangents(line)
-    return np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
+    return unwrapped_headings(tangents(line))
 
 
 def curvature(line: Line) -> NDArray[np.float64]:
@@ -146,7 +147,7 @@ def smallest_radius(line: Line) -> float:
         Radius [m].
     """
     steps = np.diff(line, axis=0)
-    bend = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
+    bend = np.abs(np.diff(unwrapped_headings(steps)))
     length = np.hypot(*steps.T)
     return float(1.0 / max(np.max(2 * bend / (length[1:] + length[:-1])), 1e-9))
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson
 from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
+from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.core.trajectory import Trajectory
 from echoscape.scenes.io.strict_toml import SceneError, Table
 
@@ -190,7 +191,7 @@ def _along_waypoints(plan: DrivePlan) -> Trajectory:
     pace = np.hypot(*first.T)
     turn = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / pace**2
     flat = np.zeros_like(time)
-    yaw = np.unwrap(np.arctan2(first[:, 1], first[:, 0]))
+    yaw = unwrapped_headings(first)
     state = np.stack([*curve(at).T, flat + plan.z_m, yaw], axis=-1)
     rate = np.stack([*first.T, flat, turn], axis=-1) * (plan.speed_mps / pace)[:, None]
     rate[:, 2] = 0.0

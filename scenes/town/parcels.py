@@ -13,6 +13,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from echoscape.scenes.assets.buildings.building import building
+from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.geometry.curves import Line, arc_length, left_normals, points_at, resampled
 from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
 from echoscape.scenes.town.presets import ParcelRule
@@ -50,7 +51,7 @@ def frontages(block: Polygon, streets: BaseGeometry) -> list[Line]:
     for ring in (turned.exterior, *turned.interiors):
         rim = resampled(np.asarray(ring.coords)[:, :2], 2.0)
         step = np.diff(rim, axis=0)
-        heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+        heading = unwrapped_headings(step)
         turn = np.abs(np.roll(heading, -3) - np.roll(heading, 3))[:-3]
         corner = np.flatnonzero(turn % (2 * np.pi) > 0.5)
         near = np.asarray(shapely.distance(shapely.points(rim), streets)) < 0.6

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.core.lane_graph import Lane, RoadGraph
 
 BEND_MPS2 = 1.8
@@ -87,7 +88,7 @@ def _lane_caps(lane: Lane) -> tuple[NDArray[np.float64], float]:
     """Return the speed caps of a lane every metre (S,) [m/s] and its smallest radius [m]."""
     step = np.diff(lane.centre, axis=0)
     length = np.hypot(*step.T)
-    heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    heading = unwrapped_headings(step)
     station = np.cumsum(length) - length / 2
     grid = _GRID_M * np.arange(max(int(np.ceil(length.sum() / _GRID_M)), 2) + 1)
     smooth = np.interp(grid, station, heading)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.core.trajectory import Trajectory
 from echoscape.scenes.driving.lane_path import smoothed_line
 from echoscape.scenes.roads.ground_mesh import WALKING_OFFSET_M
@@ -106,7 +107,7 @@ def pedestrian_track(loop: WalkingLoop, *, start_m: float, pace_mps: float, dura
     at = start_m + pace_mps * time
     xy, tangent, bend = (spline(at % around, nu=order) for order in (0, 1, 2))
     # Between knots the heading changes by 1.1 rad at most, so it can be unwrapped.
-    yaw = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
+    yaw = unwrapped_headings(tangent)
     yaw_rate = (tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]) / np.sum(tangent**2, axis=-1)
     height = np.full_like(time, PAVEMENT_M)
     state = np.stack([*xy.T, height, yaw], axis=-1)

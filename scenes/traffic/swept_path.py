@@ -14,6 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
+from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.core.lane_graph import Lane
 from echoscape.scenes.driving.lane_path import CORNER_SIGMA_M, joined_line, smoothed_line
 from echoscape.scenes.driving.route import LaneNetwork
@@ -97,7 +98,7 @@ def _curvature(lane: Lane) -> NDArray[np.float64]:
     """Return the curvature along a lane (S,) [1/m], followed by a straight longer than any chord."""
     step = np.diff(lane.centre, axis=0)
     length = np.hypot(*step.T)
-    heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    heading = unwrapped_headings(step)
     station = np.cumsum(length) - length / 2
     grid = _STEP_M * np.arange(-1, max(int(length.sum() / _STEP_M), 1) + 2)
     bend = np.diff(np.interp(grid, station, heading)) / _STEP_M
@@ -115,7 +116,7 @@ def chords(line: NDArray[np.float64], half: int) -> tuple[NDArray[np.float64], N
         Midpoints (S - 2 half, 2) [m] and unwrapped headings (S - 2 half,) [rad].
     """
     chord = line[2 * half :] - line[: -2 * half]
-    return (line[2 * half :] + line[: -2 * half]) / 2, np.unwrap(np.arctan2(chord[:, 1], chord[:, 0]))
+    return (line[2 * half :] + line[: -2 * half]) / 2, unwrapped_headings(chord)
 
 
 class _JunctionPath(NamedTuple):
