@@ -16,6 +16,7 @@ from scipy.fft import fftfreq, next_fast_len
 
 from echoscape.sim.effects.rain import rain_gain
 from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
+from echoscape.sim.numerics.angles import principal_angle
 from echoscape.sim.numerics.fft import ifft
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.scan_state import ScanState
@@ -222,10 +223,10 @@ def received_share(
     beam = poses.yaw - 2 * math.pi / sensor.azimuths * np.arange(sensor.azimuths)
     bearing = np.arctan2(away[:, 1], away[:, 0])
     elevation = np.arcsin(away[:, 2] / range_m) - math.radians(sensor.mount_tilt_deg)
-    azimuth = np.remainder(beam - bearing + math.pi, 2 * math.pi) - math.pi
+    azimuth = principal_angle(beam - bearing)
     gain = np.sqrt(np.interp(azimuth, antenna.azimuth_grid_rad, antenna.azimuth_two_way))
     gain *= antenna.peak_gain * np.interp(elevation, antenna.elevation_grid_rad, antenna.elevation_one_way)
-    off_axis = np.remainder(bearing + math.pi - yaw + math.pi, 2 * math.pi) - math.pi
+    off_axis = principal_angle(bearing + math.pi - yaw)
     sent = np.maximum(np.exp2(-((off_axis / math.radians(_HALF_BEAM_DEG)) ** 2)), _LEAST_SENT)
     loss = 10 ** ((sensor.system_loss_db + sensor.azimuth_loss_db) / 20)  # half of the two-way loss
     return sent * gain * (sensor.wavelength_m / (4 * math.pi * range_m)) ** 2 / loss

@@ -1,1 +1,1 @@
-"""Constants, decibels, Fourier transforms and memory settings."""
+"""Constants, angles, decibels, Fourier transforms and memory settings."""

@@ -1,11 +1,11 @@
 """What the rays of one scan depend on, made once: its times, antenna poses, moving objects and ray scene."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from echoscape.sim.kinematics.rolling_scan import AzimuthPoses, MoverStates, Revolution
+from echoscape.sim.numerics.angles import principal_angle
 from echoscape.sim.raytracing.intersection import RayScene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.mitsuba_scene import MitsubaScene
@@ -41,11 +41,10 @@ def pose_tables(poses: AzimuthPoses) -> PoseTables:
     Returns:
         The same poses for kernels.
     """
-    wrapped = (poses.yaw + math.pi) % (2 * math.pi) - math.pi
     return PoseTables(
         position=mi.Float64(poses.position.ravel()),
         velocity=mi.Float(poses.velocity.astype(np.float32).ravel()),
-        yaw=mi.Float(wrapped.astype(np.float32)),
+        yaw=mi.Float(principal_angle(poses.yaw).astype(np.float32)),
         cos_yaw=mi.Float64(np.cos(poses.yaw)),
         sin_yaw=mi.Float64(np.sin(poses.yaw)),
         # The time between azimuths only enters through the motion of the objects.

@@ -17,6 +17,7 @@ from echoscape.scenes.core.materials import MATERIAL_NAMES, MATERIALS
 from echoscape.scenes.core.targets import PlacedTarget, Target
 from echoscape.sim.echoes import Returns
 from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
+from echoscape.sim.numerics.angles import principal_angle
 from echoscape.sim.raytracing.beam_weighting import MAIN_AZIMUTHS, BeamEchoes
 from echoscape.sim.raytracing.intersection import RayScene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
@@ -119,7 +120,7 @@ class TargetEchoes:
         away = np.array(target.position_m) - poses.position
         range_m = np.maximum(np.linalg.norm(away, axis=1), 1e-3)
         beam = poses.yaw - self._spacing * np.arange(self._sensor.azimuths)
-        offset = np.remainder(beam - np.arctan2(away[:, 1], away[:, 0]) + math.pi, 2 * math.pi) - math.pi
+        offset = principal_angle(beam - np.arctan2(away[:, 1], away[:, 0]))
         closing = np.einsum("ak,ak->a", poses.velocity, away) / range_m
         return _View(range_m=range_m, offset_rad=offset, closing_mps=closing)
 
@@ -202,8 +203,8 @@ class TargetEchoes:
 
     def _azimuth_gain(self, offset_rad: NDArray | float) -> NDArray[np.float64]:
         """Return the two-way azimuth power gain at offsets [rad]."""
-        wrapped = np.remainder(np.asarray(offset_rad) + math.pi, 2 * math.pi) - math.pi
-        return np.interp(wrapped, self._antenna.azimuth_grid_rad, self._antenna.azimuth_two_way)
+        antenna = self._antenna
+        return np.interp(principal_angle(offset_rad), antenna.azimuth_grid_rad, antenna.azimuth_two_way)
 
     def _beam_echoes(
         self, sums: _RangeSums, number: int, view: _View, reference: int, azimuth: int, *, sidelobe: bool

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.sim.numerics.angles import principal_angle
 from echoscape.sim.sensor.antenna_pattern import azimuth_pattern, elevation_pattern
 from echoscape.sim.sensor.sensor import Sensor
 
@@ -71,8 +72,7 @@ class Antenna:
         Returns:
             Gains of the same shape.
         """
-        azimuth = (np.asarray(azimuth_rad) + math.pi) % (2 * math.pi) - math.pi
-        two_way = np.interp(azimuth, self.azimuth_grid_rad, self.azimuth_two_way)
+        two_way = np.interp(principal_angle(azimuth_rad), self.azimuth_grid_rad, self.azimuth_two_way)
         one_way = np.interp(elevation_rad, self.elevation_grid_rad, self.elevation_one_way)
         return self.peak_gain**2 * two_way * one_way**2
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from echoscape.sim.numerics.angles import principal_angle
 from echoscape.sim.numerics.decibels import power_ratio
 
 _AZIMUTH_STEPS, _ELEVATION_STEPS = 32768, 4096
@@ -30,7 +31,7 @@ def azimuth_pattern(
     """
     offset_deg, gain_db = np.array(table).T
     curve = PchipInterpolator(np.append(-offset_deg[1], offset_deg), np.append(gain_db[1], gain_db))
-    folded = np.abs((offset_rad + math.pi) % (2 * math.pi) - math.pi)
+    folded = np.abs(principal_angle(offset_rad))
     return power_ratio(curve(np.minimum(np.degrees(folded), offset_deg[-1])))
 
 
