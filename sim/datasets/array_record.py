@@ -28,6 +28,8 @@ class ArrayRecord:
         return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
 
     __hash__ = None  # pyright: ignore[reportAssignmentType]
+    __array_ufunc__ = None
+    """NumPy's arrays leave comparisons with a record to `__eq__`, on either side, instead of doing each element."""
 
 
 def _equal(first: Any, second: Any) -> bool:

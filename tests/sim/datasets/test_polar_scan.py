@@ -54,6 +54,16 @@ def test_a_change_of_any_field_makes_scans_differ(name: str) -> None:
     assert (whole_scan() == changed) is False
 
 
+@pytest.mark.parametrize(
+    "other", [np.zeros(3), np.zeros((400, 3768)), np.float64(1.0), np.array(None), None, "scan"]
+)
+def test_a_scan_is_unequal_to_whatever_is_no_scan(other: Any) -> None:
+    scan = whole_scan()
+    assert (scan == other) is False
+    assert (other == scan) is False
+    assert (scan != other) is True
+
+
 def test_a_change_within_truth_or_beat_makes_scans_differ() -> None:
     scan = whole_scan()
     truth = truth_of(scan)
