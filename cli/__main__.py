@@ -10,9 +10,9 @@ _SIGPIPE_EXIT = 128 + 13
 """The exit code that shells report for a command that SIGPIPE ended."""
 
 COMMANDS = {
-    "simulate": "make a dataset: a town, a drive through it, its radar scans and their truth",
+    "simulate": "make a data set: a town, a drive through it, its radar scans and their truth",
     "scene": "build a world without any radar: its plan, its numbers, a 3-D model",
-    "view": "write a page to step through a dataset in a browser, small enough to mail",
+    "view": "write a page to step through a data set in a browser, small enough to mail",
     "fidelity": "compare the statistics of a folder of scans with those of real ones: table, JSON, plots",
     "artefacts": "show what each artefact does to one scan: a figure each, without it and with it",
     "train": "train keypoint odometry on folders of scans with poses",
@@ -84,12 +84,12 @@ def _run(command: str, words: list[str]) -> int:
         print(f"echoscape {command}: interrupted", file=sys.stderr)
         return 130
     except RuntimeError as error:
-        from echoscape.sim.raytracing.backend import BackendError
+        from echoscape.sim.raytracing.backend import BackendChoiceError, BackendError
 
         if not isinstance(error, BackendError):
             raise
         print(f"echoscape {command}: {error}", file=sys.stderr)
-        return 1
+        return 2 if isinstance(error, BackendChoiceError) else 1
 
 
 def _help() -> str:

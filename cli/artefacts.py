@@ -11,11 +11,12 @@ from rich.console import Console
 from rich.table import Table
 
 from echoscape.cli.arguments import parse
+from echoscape.cli.backend_option import load_ray_tracer
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.scene_options import ScanOptions, simulation_config
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.sim.datasets.files.atomic_write import DatasetError
-from echoscape.sim.raytracing.backend import Backend, selected_backend, use_backend
+from echoscape.sim.raytracing.backend import Backend, selected_backend
 
 if TYPE_CHECKING:
     from echoscape.eval.ablation.run import ArtefactChange
@@ -28,7 +29,7 @@ class Options:
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Folder to write: a figure per artefact, and artefacts.md. Files of these names are replaced."""
     simulation: Annotated[ScanOptions, tyro.conf.arg(name="")] = field(default_factory=ScanOptions)
-    """The dataset that the scan is from: what `echoscape simulate` makes with the same options."""
+    """The data set that the scan is from: what `echoscape simulate` makes with the same options."""
     scan: int | None = None
     """Number of the scan, from 0; by default the middle one."""
     only: tuple[str, ...] = ()
@@ -52,7 +53,7 @@ def main(arguments: Sequence[str]) -> int:
     """
     try:
         options = parse(Options, prog="echoscape artefacts", words=arguments)
-        rows, paths = _written(options)
+        rows, paths = _written(options, arguments)
     except (DatasetError, SceneError, ValueError) as error:
         return _refuse(str(error))
     except OSError as error:
@@ -64,11 +65,11 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _written(options: Options) -> tuple[list["ArtefactChange"], tuple[Path, ...]]:
-    """Refuse what cannot be drawn before the ray tracer is loaded, then draw."""
+def _written(options: Options, words: Sequence[str]) -> tuple[list["ArtefactChange"], tuple[Path, ...]]:
+    """Refuse what cannot be drawn, then draw."""
     config = simulation_config(options.simulation, scene=options.scene, targets=options.targets)
     index = config.scans // 2 if options.scan is None else options.scan
-    use_backend(options.backend)
+    load_ray_tracer(options.backend, words)
     from echoscape.eval.ablation.cases import chosen_cases
     from echoscape.eval.ablation.figures import write_artefacts
     from echoscape.eval.ablation.run import check_index

@@ -1,10 +1,9 @@
-"""`echoscape simulate OUT`: a dataset from options, with progress bars, a preview and a summary."""
+"""`echoscape simulate OUT`: a data set from options, with progress bars, a preview and a summary."""
 
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -13,18 +12,19 @@ from rich.console import Console
 from rich.table import Table
 
 from echoscape.cli.arguments import ArgumentsError, option_value, parse, with_config_file
+from echoscape.cli.backend_option import load_ray_tracer
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.scene_options import SimulationOptions, simulation_config
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.domain_randomization import randomized
-from echoscape.sim.raytracing.backend import Backend, selected_backend, use_backend
+from echoscape.sim.raytracing.backend import Backend, selected_backend
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.registry import sensor_from
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Make a dataset: a town, a drive through it, its radar scans and their truth."""
+    """Make a data set: a town, a drive through it, its radar scans and their truth."""
 
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Folder to write; it must be empty or new."""
@@ -40,20 +40,21 @@ class Options:
     targets: Path | None = None
     """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
     randomize: bool = False
-    """Draw sensor, artefacts and surfaces around the given values, by the seed: for training that must carry
-    over to real radar (docs/fidelity.md)."""
+    """Draw sensor, artefacts and surfaces around the given values, by the seed: for training that has to
+    transfer to real radar (docs/fidelity.md)."""
     manifest: Annotated[Path | None, tyro.conf.arg(name="from")] = None
-    """The echoscape.json of another dataset: its configuration gives the same bytes again. Options that are
-    given besides win over it."""
+    """Another data set, as its folder or its echoscape.json: its configuration gives the same bytes again.
+    Options on the command line override it."""
     config: Path | None = None
     """TOML file of options: keys are their names, dotted options are keys in tables (--artefacts.ghosts is
-    ghosts in [artefacts]). Options that are given by hand win over it."""
+    ghosts in [artefacts]), booleans are written as preview = false. Options on the command line
+    override it."""
     backend: Backend = field(default_factory=selected_backend)
     """Compiler of the ray tracer: llvm for the CPU, cuda for an NVIDIA GPU. By default ECHOSCAPE_BACKEND."""
     workers: int = 1
     """Processes that make scans side by side; the result does not depend on it."""
     threads: int | None = None
-    """Threads of each process; by default the processors are shared out."""
+    """Threads of each process; by default the cores are divided among the workers."""
     resume: bool = False
     """Continue a run that was stopped: make only the scans that OUT lacks."""
     preview: bool = True
@@ -76,7 +77,7 @@ def main(arguments: Sequence[str]) -> int:
         options = parse(Options, prog="echoscape simulate", words=words, default=_defaults(words))
         config = _config(options, words)
         _check(options)
-        use_backend(options.backend)
+        load_ray_tracer(options.backend, words)  # raises before anything is written
     except (DatasetError, ValueError) as error:
         return _refuse(str(error), 2)
     except OSError as error:
@@ -121,7 +122,7 @@ def _config(options: Options, words: Sequence[str]) -> SimulationConfig:
     if not options.randomize:
         return config
     if config.randomized:
-        raise ArgumentsError(f"--randomize: {options.manifest} is of a dataset that was randomized already")
+        raise ArgumentsError(f"--randomize: {options.manifest} is of a data set that was randomized already")
     return randomized(config)
 
 
@@ -133,12 +134,11 @@ def _check(options: Options) -> None:
 
 
 def _simulate(options: Options, config: SimulationConfig) -> int:
-    """Make the dataset of `config` and return the exit code."""
+    """Make the data set of `config` and return the exit code."""
     from echoscape.scenes.io.strict_toml import SceneError
     from echoscape.sim.datasets.files.atomic_write import DatasetError
     from echoscape.sim.generation.workers import WorkerError
 
-    import_module("echoscape.sim.raytracing.mitsuba_backend")  # raises before anything is written
     start = time.monotonic()
     try:
         _write(options, config)
@@ -159,7 +159,7 @@ def _simulate(options: Options, config: SimulationConfig) -> int:
 
 
 def _write(options: Options, config: SimulationConfig) -> None:
-    """Write the dataset and its preview, with progress bars."""
+    """Write the data set and its preview, with progress bars."""
     from echoscape.sim.generation.dataset import write_dataset
 
     with ProgressBars(Console(stderr=True)) as bars:

@@ -31,6 +31,10 @@ class BackendError(RuntimeError):
     """The machine lacks what the ray tracer needs, or the choice is too late; the message says what to do."""
 
 
+class BackendChoiceError(BackendError):
+    """The selected backend does not exist, or this machine lacks it; the message names what selected it."""
+
+
 def selected_backend() -> Backend:
     """Return the backend that is selected.
 
@@ -38,11 +42,11 @@ def selected_backend() -> Backend:
         "llvm" or "cuda", from the environment variable `ECHOSCAPE_BACKEND`; "llvm" where it is not set.
 
     Raises:
-        BackendError: The variable has another value.
+        BackendChoiceError: The variable has another value.
     """
     name = os.environ.get(BACKEND_VARIABLE, "llvm")
     if name not in BACKENDS:
-        raise BackendError(f"{BACKEND_VARIABLE} must be llvm or cuda, got {name!r}")
+        raise BackendChoiceError(f"{BACKEND_VARIABLE} must be llvm or cuda, got {name!r}")
     return cast("Backend", name)
 
 

@@ -5,6 +5,7 @@ from echoscape.sim.raytracing.backend import (
     LLVM_VARIABLE,
     OLDEST_LLVM,
     VARIANTS,
+    BackendChoiceError,
     BackendError,
     choose_llvm,
     selected_backend,
@@ -18,7 +19,7 @@ import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
 if _BACKEND == "cuda" and not dr.has_backend(dr.JitBackend.CUDA):
-    raise BackendError(f"{BACKEND_VARIABLE}=cuda, but there is no CUDA device")
+    raise BackendChoiceError(f"{BACKEND_VARIABLE} must be llvm on this machine: no CUDA device was found")
 mi.set_variant(VARIANTS[_BACKEND])
 
 

@@ -283,6 +283,22 @@ def test_a_missing_manifest_is_refused_by_name(tmp_path: Path, capsys: pytest.Ca
     assert not (tmp_path / "set").exists()
 
 
+def test_another_file_than_a_manifest_is_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "c1.toml"
+    path.write_text("seed = 3\n")
+    assert main(["simulate", str(tmp_path / "set"), "--from", str(path)]) == 2
+    assert capsys.readouterr().err == f"echoscape simulate: {path}: not an echoscape.json\n"
+
+
+def test_the_folder_of_a_manifest_stands_for_it(tmp_path: Path, configs: list[SimulationConfig]) -> None:
+    made = SimulationConfig(preset="empty", seed=3, scans=2)
+    (tmp_path / "echoscape.json").write_text(manifest_text(manifest(made)))
+    assert main(["simulate", str(tmp_path / "set"), "--from", str(tmp_path)]) == 0
+    assert configs == [made]
+
+
 def test_unknown_command_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["stimulate"]) == 2
     assert "unknown command 'stimulate'; commands: simulate" in capsys.readouterr().err

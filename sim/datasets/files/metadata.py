@@ -41,6 +41,8 @@ def read_manifest(path: Path) -> dict[str, Any]:
         DatasetError: It is absent, no JSON, or of another format; the message names it.
     """
     path = Path(path)
+    if path.is_file() and path.suffix != ".json":
+        raise DatasetError(f"{path}: not an {FILE_NAME}")
     path = path / FILE_NAME if path.is_dir() or path.suffix != ".json" else path
     try:
         content = json.loads(path.read_text())
