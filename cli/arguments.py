@@ -30,7 +30,7 @@ class ArgumentsError(ValueError):
 
 
 def with_config_file(kind: type[Any], words: Sequence[str]) -> list[str]:
-    """Put the options of the file that `--config` names before the words given by hand, which win over them.
+    """Put the options of the file that `--config` names before the words given by hand, which override them.
 
     Args:
         kind: The options class; without a field `config` nothing is done.
@@ -40,9 +40,12 @@ def with_config_file(kind: type[Any], words: Sequence[str]) -> list[str]:
         All words, those of the file first.
 
     Raises:
-        ArgumentsError: The file cannot be read, or one of its keys or values is refused; the message names
-            the file and the key.
+        ArgumentsError: `--config` is given twice, the file cannot be read, or one of its keys or values is
+            refused; the message names the file and the key.
     """
+    given = [word for word in words if word == "--config" or word.startswith("--config=")]
+    if len(given) > 1 and "config" in [field.name for field in fields(kind)]:
+        raise ArgumentsError(f"--config must be given once, got it {len(given)} times")
     path = option_value("--config", words)
     if not path or _HELP & set(words) or "config" not in [field.name for field in fields(kind)]:
         return list(words)

@@ -40,9 +40,9 @@ class Options:
     resolution: float | None = None
     """Which of the bundled weights: width of a pixel [m]; by default the coarsest, which are the fastest."""
     solver: Literal["keyframe", "robust", "paper"] = "keyframe"
-    """How the learned method solves poses. paper: least squares of each pair by itself, every pixel searched,
-    in float32, without compensation, as published. robust: each pair by itself, outliers weighted down.
-    keyframe: robust, with the scan before and a keyframe together."""
+    """How the learned method solves poses. keyframe: robust, with the scan before and a keyframe together.
+    robust: each pair by itself, outliers weighted down. paper: the published solver (least squares of each
+    pair, every pixel, float32); the bundled weights were trained otherwise."""
     compensate: bool = True
     """Move keypoints to mid-scan and undo their Doppler shifts, at the velocity estimated from the pair
     itself, before its pose is solved. Learned method only; --solver paper never does."""
@@ -52,10 +52,11 @@ class Options:
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where the learned method runs; auto takes a GPU where PyTorch finds one."""
     threads: int = 1
-    """Threads of the learned method on the CPU; the result does not depend on it. More than one pays only
-    on cores that nothing else uses: threads that wait for each other are many times slower than one."""
+    """Threads of the learned method on the CPU; the result does not depend on it. Use more than one only
+    on idle cores: threads that wait for each other are many times slower than one."""
     config: Path | None = None
-    """TOML file of options: keys are their names. Options that are given by hand win over it."""
+    """TOML file of options: keys are their names, booleans are written as compensate = false. Options on
+    the command line override it."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -69,8 +70,10 @@ def main(arguments: Sequence[str]) -> int:
     """
     try:
         words = with_config_file(Options, arguments)
-        result, figures, paths = _run(parse(Options, prog="echoscape odometry", words=words))
-    except ValueError as error:  # errors of a dataset among them
+        options = parse(Options, prog="echoscape odometry", words=words)
+        _check(options, words)
+        result, figures, paths = _run(options)
+    except ValueError as error:  # errors of a data set among them
         return _refuse(str(error), 2)
     except OSError as error:
         return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2)
@@ -92,7 +95,6 @@ def _run(options: Options) -> "tuple[OdometryResult, dict[str, Any], tuple[Path,
     from echoscape.sim.datasets.scan_folder import open_folder
     from echoscape.sim.numerics.malloc import keep_freed_memory
 
-    _check(options)
     folder = open_folder(options.data)
     check_output_folder(options.out)
     keep_freed_memory()
@@ -107,14 +109,16 @@ def _run(options: Options) -> "tuple[OdometryResult, dict[str, Any], tuple[Path,
     return result, {**odometry_metrics(result), **loop_closure}, paths
 
 
-def _check(options: Options) -> None:
+def _check(options: Options, words: Sequence[str]) -> None:
     """Refuse options that do not go together or cannot be carried out."""
+    asked_to_compensate = options.compensate and "--compensate" in words
     if options.resolution is not None and options.weights is not None:
         raise ValueError("--resolution chooses among the bundled weights: not with --weights")
     for flag, given in {
         "--weights": options.weights is not None,
         "--resolution": options.resolution is not None,
         "--solver": options.solver != "keyframe",
+        "--compensate": asked_to_compensate,
         "--no-compensate": not options.compensate,
         "--loop-pairs": options.loop_pairs != 0,
         "--device": options.device != "auto",
@@ -124,6 +128,8 @@ def _check(options: Options) -> None:
             raise ValueError(f"{flag} goes with --method learned only, got --method {options.method}")
     if options.loop_pairs and options.solver == "paper":
         raise ValueError("--loop-pairs goes with --solver keyframe or robust, got --solver paper")
+    if asked_to_compensate and options.solver == "paper":
+        raise ValueError("--compensate goes with --solver keyframe or robust, got --solver paper")
     if options.loop_pairs < 0:
         raise ValueError(f"--loop-pairs must be 0 or more, got {options.loop_pairs}")
     check_threads(options.threads)

@@ -26,20 +26,21 @@ class ProgressBars:
         self._tasks: dict[str, tuple[int, float, int]] = {}
 
     def __enter__(self) -> "ProgressBars":
-        self._bars.start()
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._bars.stop()
+        if self._bars.live.is_started:  # else it would print an empty line
+            self._bars.stop()
 
     def report(self, stage: str, done: int, total: int) -> None:
-        """Update the bar of a stage; that of "scans" also shows scans per second.
+        """Update the bar of a stage, that of "scans" with scans per second; the first report starts the display.
 
         Args:
             stage: Name of the stage.
             done: Steps that are done.
             total: Steps that the stage has.
         """
+        self._bars.start()
         if stage not in self._tasks:
             task = self._bars.add_task(stage, total=total, completed=done, rate="")
             self._tasks[stage] = (int(task), time.monotonic(), done)

@@ -81,7 +81,7 @@ def simulation_config(
         The configuration, checked.
 
     Raises:
-        ValueError: The settings do not make a dataset.
+        ValueError: The settings do not make a data set.
         SceneError: A file cannot be read, or does not describe a scene or targets.
     """
     settings: dict[str, Any] = {each.name: getattr(options, each.name) for each in fields(SimulationConfig)}

@@ -40,7 +40,7 @@ def check_threads(threads: int | None) -> None:
         ValueError: It is below 1.
     """
     if threads is not None and threads < 1:
-        raise ValueError(f"threads must be 1 or more, got {threads}")
+        raise ValueError(f"--threads must be 1 or more, got {threads}")
 
 
 def use_threads(threads: int) -> None:

@@ -61,12 +61,10 @@ class Options:
     """Continue the run in OUT."""
     config: Path | None = None
     """TOML file of options: keys are their names, dotted options are keys in tables
-    (--augmentation.max-shift-m is max-shift-m in [augmentation]). Options given by hand win over it."""
+    (--augmentation.max-shift-m is max-shift-m in [augmentation]), booleans are written as
+    location-head = false. Options on the command line override it."""
     training: Annotated[TrainingConfig, tyro.conf.arg(name="")] = field(default_factory=TrainingConfig)
     """How to train."""
-
-    def __post_init__(self) -> None:
-        check_threads(self.threads)
 
     @property
     def image(self) -> ImageSettings:
@@ -88,11 +86,12 @@ def main(arguments: Sequence[str]) -> int:
         options = parse(Options, prog="echoscape train", words=words)
         if not options.data:
             raise ValueError("data must name one folder or more")
+        check_threads(options.threads)
         require_torch("train")
         return _train(options)
     except KeyboardInterrupt:
         return _refuse("interrupted; add --resume to continue from the last checkpoint", 130)
-    except ValueError as error:  # errors of a dataset among them
+    except ValueError as error:  # errors of a data set among them
         return _refuse(str(error), 2)
     except OSError as error:
         return _refuse(f"{error.filename or 'OUT'}: {error.strerror or error}", 1)

@@ -1,4 +1,4 @@
-"""`echoscape view DATA`: write one HTML page to step through a dataset."""
+"""`echoscape view DATA`: write one HTML page to step through a data set."""
 
 import sys
 import webbrowser
@@ -18,7 +18,7 @@ _MAILABLE_MB = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Write one HTML page to step or play through a dataset: scans, truth, boxes, the drive on the plan.
+    """Write one HTML page to step or play through a data set: scans, truth, boxes, the drive on the plan.
 
     The page needs nothing but a browser, no network and no second file. 40 scans take some 4 MB, a tenth of a
     megabyte each: small enough to mail.
@@ -33,7 +33,7 @@ class Options:
     every: int = 1
     """Show every N-th scan only."""
     columns: int = 640
-    """Range cells shown per azimuth, at most: more is sharper and larger."""
+    """Maximum range cells drawn per azimuth; more gives a sharper and larger page."""
     open: bool = False
     """Open the page in a browser afterwards."""
 
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str]) -> int:
     try:
         options = parse(Options, prog="echoscape view", words=arguments)
         out = _written(options)
-    except ValueError as error:  # errors of a dataset among them
+    except ValueError as error:  # errors of a data set among them
         return _refuse(str(error))
     except OSError as error:
         return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error))

@@ -198,6 +198,16 @@ def test_a_file_that_is_absent_is_refused_by_name(tmp_path: Path) -> None:
         parsed("--config", str(tmp_path / "none.toml"))
 
 
+@pytest.mark.parametrize("words", ["--config A --config B", "--config=A --config B", "--config A --config=A"])
+@pytest.mark.parametrize(
+    "command", ["simulate OUT", "odometry DATA --out OUT", "train --data DATA --out OUT"]
+)
+def test_a_second_file_is_refused(words: str, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*command.split(), *words.split()]) == 2
+    name = command.split()[0]
+    assert capsys.readouterr().err == f"echoscape {name}: --config must be given once, got it 2 times\n"
+
+
 def test_help_needs_no_file(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         parsed("--config", "none.toml", "--help")

@@ -111,7 +111,7 @@ def test_the_doppler_shift_is_that_of_the_sensor(
     "flag",
     [
         *(("--solver", "robust"), ("--loop-pairs", "3"), ("--resolution", "0.3456"), ("--threads", "2")),
-        *(("--device", "cpu"), ("--no-compensate",)),
+        *(("--device", "cpu"), ("--no-compensate",), ("--compensate",)),
     ],
 )
 def test_what_only_the_learned_method_has_is_refused_with_others(
@@ -137,6 +137,16 @@ def test_loop_pairs_need_a_matcher_of_single_pairs(
 ) -> None:
     words = (str(points), "--out", str(tmp_path / "out"), "--loop-pairs", "3", "--solver", "paper")
     assert "--loop-pairs goes with --solver keyframe or robust" in refusal(capsys, *words)
+
+
+@pytest.mark.parametrize("in_file", [False, True])
+def test_compensation_by_the_papers_solver_is_refused(
+    in_file: bool, points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "c.toml").write_text("compensate = true\n")
+    asked = ("--config", str(tmp_path / "c.toml")) if in_file else ("--compensate",)
+    words = (str(points), "--out", str(tmp_path / "out"), "--solver", "paper", *asked)
+    assert "--compensate goes with --solver keyframe or robust, got --solver paper" in refusal(capsys, *words)
 
 
 def test_run_in_which_every_pair_fails_is_written_and_fails(
