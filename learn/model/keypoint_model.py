@@ -39,10 +39,10 @@ def block(inputs: int, outputs: int) -> nn.Sequential:
 
 
 def blurred_max_pool(values: Tensor) -> Tensor:
-    """Halve maps (B, C, H, W) by maxima that are low-passed by 1-2-1 before every second is taken.
+    """Halve maps (B, C, H, W) by maxima that are low-passed by 1-2-1 before subsampling (ours, an option).
 
-    Small motions are found less too short than with plain maxima, which hide shifts within a pool. Source:
-    Zhang, "Making convolutional networks shift-invariant again", ICML 2019.
+    Small motions are underestimated less than with the paper's max pooling, which hides shifts within a pool.
+    Source: Zhang, "Making convolutional networks shift-invariant again", ICML 2019.
     """
     padded = pad(values, (1, 1, 1, 1), mode="replicate")
     return avg_pool2d(avg_pool2d(max_pool2d(padded, 2, stride=1), 2, stride=1), 2)
@@ -133,7 +133,15 @@ def unit(descriptors: Tensor, dim: int = -1) -> Tensor:
 
 
 def sampled(values: Tensor, points_px: Tensor) -> Tensor:
-    """Return (B, N, C): maps (B, C, H, W) at points (B, N, 2) row, column [px], bilinearly."""
+    """Sample maps bilinearly, edges repeated.
+
+    Args:
+        values: Maps (B, C, H, W).
+        points_px: Points (B, N, 2): row, column [px].
+
+    Returns:
+        Values at the points (B, N, C).
+    """
     size = torch.tensor(values.shape[-2:], dtype=points_px.dtype, device=points_px.device)
     grid = ((points_px + 0.5) * (2 / size) - 1).flip(-1)[:, None].to(values.dtype)
     found = grid_sample(values, grid, mode="bilinear", padding_mode="border", align_corners=False)
@@ -156,7 +164,16 @@ def matched_locations(descriptors: Tensor, dense: Tensor, *, temperature: float)
 
 
 def match_weights(similarity: Tensor, source_scores: Tensor, matched_scores: Tensor) -> Tensor:
-    """Return the weights of matches, (cos(d_s, d_d) + 1) / 2 s_s s_d, from arrays of one shape."""
+    """Weigh matches by similarity and scores: (cos(d_s, d_d) + 1) / 2 s_s s_d.
+
+    Args:
+        similarity: Cosines of the descriptors of keypoint and match (B, N).
+        source_scores: Scores at the keypoints (B, N).
+        matched_scores: Scores of the destination at the matches (B, N).
+
+    Returns:
+        Weights (B, N).
+    """
     return 0.5 * (similarity + 1) * source_scores * matched_scores
 
 

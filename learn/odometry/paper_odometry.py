@@ -1,8 +1,8 @@
-"""Odometry exactly as published: each pair of successive scans by `KeypointModel`, and nothing else.
+"""The published odometry: each pair of successive scans by `KeypointModel`, and nothing else.
 
 Source: Barnes & Posner 2020: every pixel is searched, in float32, and the pose is least squares of all
 matches. Points are taken as measured, without compensation of motion or Doppler shifts; no match is
-weighted down.
+weighted down. The bundled weights were trained otherwise: with blurred pooling and true correspondences.
 """
 
 import copy

@@ -209,7 +209,7 @@ class _Given(torch.nn.Module):
 def test_a_match_weighs_by_its_own_score_and_that_of_where_it_is_found() -> None:
     """Distinct pixels of the source lie two rows up in the destination; scores are unlike everywhere.
 
-    Each weight must be (1 + 1) / 2 s_source(keypoint) s_destination(match), and the motion two metres forward.
+    Each weight is (1 + 1) / 2 s_source(keypoint) s_destination(match); the motion is two metres forward.
     """
     settings = ModelSettings(image=ImageSettings(size=16, pixel_m=1.0), cells=2, temperature=500.0)
     model = KeypointModel(settings).eval()
