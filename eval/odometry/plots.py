@@ -6,6 +6,7 @@ metres.
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -42,6 +43,7 @@ _MAX_DOTS = 200
 """Pairs up to which each has a dot."""
 _MIN_EXTENT_M = 1.0
 """Smallest extent of a trajectory plot [m], for a car that stands."""
+_TRUTH_LINE: dict[str, Any] = {"color": TRUTH_COLOUR, "lw": 3, "alpha": 0.75, "solid_capstyle": "round"}
 
 # ---------------------------------------------------------------------- the trajectory
 
@@ -62,17 +64,28 @@ def trajectory_figure(result: OdometryResult) -> bytes:
     shown = [poses[:, :2]]
     if result.truth is not None:
         for true in _true_runs(result):
-            axes.plot(true[:, 1], true[:, 0], color=TRUTH_COLOUR, lw=3, alpha=0.75, solid_capstyle="round")
+            axes.plot(true[:, 1], true[:, 0], **_TRUTH_LINE)
             shown.append(true[:, :2])
-        axes.plot([], [], color=TRUTH_COLOUR, lw=3, label="truth")
+        axes.plot([], [], label="truth", **_TRUTH_LINE)
     axes.plot(poses[:, 1], poses[:, 0], color=ACCENT, lw=1.6, label=result.method)
     axes.plot(0, 0, "o", ms=9, mfc="none", mec=INK, label="start")
     _mark_failed(axes, poses[1:, 1][result.failed], poses[1:, 0][result.failed])
     _set_equal_limits(axes, np.concatenate(shown))
     _legend(axes)
     figure.text(0.1, 0.945, "Trajectory", size=20, color=INK, weight="bold", va="center")
-    figure.text(0.96, 0.945, _counts_text(result), size=11, color=FAINT, va="center", ha="right")
+    text = "   ·   ".join([_counts_text(result), *_final_error_text(result)])
+    figure.text(0.96, 0.945, text, size=11, color=FAINT, va="center", ha="right")
     return png_bytes(figure)
+
+
+def _final_error_text(result: OdometryResult) -> list[str]:
+    """Return the distance from the last pose to the true one as text, nothing where that is unknown."""
+    if result.truth is None or not result.known[-1]:
+        return []
+    run = runs_of_true(result.known)[-1]
+    error_m = float(np.hypot(*(_true_runs(result)[-1][-1] - result.poses[-1])[:2]))
+    length_m = float(np.hypot(*np.diff(result.truth[run, :2], axis=0).T).sum())
+    return [f"final position error: {error_m:.2f} m after {length_m:.0f} m"]
 
 
 def _true_runs(result: OdometryResult) -> list[NDArray[np.float64]]:
@@ -117,11 +130,11 @@ def pairs_figure(result: OdometryResult) -> bytes:
         axes = figure.add_subplot(grid[row])
         style_curves(axes, "time [s]" if row == len(curves) - 1 else "", label)
         if truth is not None:
-            axes.plot(time_s, truth, color=TRUTH_COLOUR, lw=3, alpha=0.75, label="truth")
+            axes.plot(time_s, truth, label="truth", **_TRUTH_LINE)
         dot = 3.0 if len(time_s) < _MAX_DOTS else 0.0
         axes.plot(time_s, values, "-o", ms=dot, color=ACCENT, lw=1.2, label=result.method)
         _mark_failed(axes, time_s[result.failed], values[result.failed])
-        if label.startswith("error"):
+        if "error" in label:
             axes.set_ylim(bottom=0)
         if row == 0:
             _legend(axes)
@@ -143,14 +156,24 @@ def _curves(result: OdometryResult) -> list[_Curve]:
         return [(label, values, None) for label, values in zip(labels, found, strict=True)]
     true = (result.true_motions * scale).T
     error_m, error_rad = pair_errors(result).T
-    errors = [("error [m]", error_m, None), ("error [deg]", np.degrees(error_rad), None)]
+    errors = [
+        ("translation error [m]", error_m, None),
+        ("rotation error [deg]", np.degrees(error_rad), None),
+    ]
     return [*zip(labels, found, true, strict=True), *errors]
 
 
 # ---------------------------------------------------------------------- one pair
 
 
-def matches_figure(earlier: PolarScan, later: PolarScan, motion: PairMotion, *, title: str) -> bytes:
+def matches_figure(
+    earlier: PolarScan,
+    later: PolarScan,
+    motion: PairMotion,
+    *,
+    title: str,
+    true_motion: NDArray[np.float64] | None = None,
+) -> bytes:
     """Draw a pair of scans laid over each other, as received and aligned by the motion, and its matches.
 
     Args:
@@ -158,6 +181,7 @@ def matches_figure(earlier: PolarScan, later: PolarScan, motion: PairMotion, *, 
         later: The later scan, cyan; where both have an echo they add to white.
         motion: The motion; a third panel shows its matches, if it has any.
         title: Title of the figure.
+        true_motion: The true motion (3,): forward, right [m], yaw [rad]; None where it is unknown.
 
     Returns:
         A PNG file.
@@ -172,15 +196,22 @@ def matches_figure(earlier: PolarScan, later: PolarScan, motion: PairMotion, *, 
     if motion.matches is not None:
         axes = figure.add_subplot(grid[2])
         background = 0.6 * ECHO_COLOURMAP(first)[..., :3]
-        _show(axes, background, "matches: from the later scan's point to the earlier one's")
+        _show(axes, background, "matches, on the earlier scan")
         _draw_matches(axes, motion.matches)
     figure.text(0.02, 0.945, title, size=18, color=INK, weight="bold", va="center")
-    text = (
-        f"{motion.x_m:+.3f} m forward, {motion.y_m:+.3f} m right, {math.degrees(motion.yaw_rad):+.3f} deg   "
-        "·   red: earlier, cyan: later, white: both"
-    )
+    motions = [f"estimate: {_motion_text(motion.x_m, motion.y_m, motion.yaw_rad)}"]
+    if true_motion is not None:
+        motions.append(f"truth: {_motion_text(*true_motion.tolist())}")
+    legend = ["red: earlier, cyan: later, white: both"]
+    if motion.matches is not None:
+        legend.append("dot: earlier point, line: to the later one, opacity: weight")
+    text = "   ·   ".join([*motions, *legend])
     figure.text(0.98, 0.885, text, size=11, color=FAINT, va="center", ha="right")
     return png_bytes(figure)
+
+
+def _motion_text(forward_m: float, right_m: float, yaw_rad: float) -> str:
+    return f"{forward_m:+.3f} m forward, {right_m:+.3f} m right, yaw {math.degrees(yaw_rad):+.3f} deg"
 
 
 def _image(scan: PolarScan) -> NDArray[np.float32]:

@@ -148,4 +148,6 @@ def _worst_pair_figure(result: OdometryResult, folder: ScanFolder) -> bytes | No
     error_m, error_rad = pair_errors(result)[index].tolist()
     if not np.isnan(error_m):
         title += f", {error_m:.3f} m and {np.degrees(error_rad):.2f} deg"
-    return matches_figure(folder.read(index), folder.read(index + 1), result.worst.motion, title=title)
+    true = None if np.isnan(error_m) or result.true_motions is None else result.true_motions[index]
+    scans = folder.read(index), folder.read(index + 1)
+    return matches_figure(*scans, result.worst.motion, title=title, true_motion=true)
