@@ -219,7 +219,7 @@ def _faded(colours: NDArray, light: NDArray) -> NDArray[np.float32]:
 
 def _plan(axes: Axes, frame: Frame) -> None:
     """Draw the town around the drive, the drive, and the moving objects."""
-    _titled(axes, "Plan", f"drive and moving objects at mid-scan, north up, {frame.world}")
+    _titled(axes, "Plan", f"moving objects at mid-scan, north up · dashed: {REACH_M:g} m")
     window = drive_window(frame.path)
     plan = plan_image(frame.folder / "scene.glb", window, pixels=_PIXELS, all_faces=frame.custom_scene)
     axes.imshow(plan, extent=(window[0], window[2], window[1], window[3]))
@@ -293,7 +293,7 @@ def _received_polar(axes: Axes, frame: Frame) -> None:
 def _components_polar(axes: Axes, frame: Frame) -> None:
     _titled(
         axes,
-        "Cause of each cell",
+        "Component",
         "strongest contribution; ghost: more than one bounce, even on a true surface",
     )
     table = np.array([to_rgb(COMPONENT_COLOURS[name]) for name in frame.manifest["components"]], np.float32)
