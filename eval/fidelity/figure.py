@@ -61,7 +61,7 @@ def _caption(figure: Figure, report: FidelityReport) -> None:
         if report.judged
         else "no targets for this sensor"
     )
-    text = f"{data.name}   ·   {data.scans} scans of {data.sensor}   ·   {result}"
+    text = f"{data.name}   ·   {data.scans} scans of {data.sensor}, codes in 0.5 dB   ·   {result}"
     title = {"color": INK, "weight": "bold", "va": "center", "family": font_family()}
     figure.text(0.045, 0.968, "Fidelity", size=25, **title)
     figure.text(0.98, 0.968, text, size=14, color=FAINT, va="center", ha="right", family=font_family())

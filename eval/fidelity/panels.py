@@ -158,8 +158,10 @@ def _width(axes: Axes, target: Target | None, level_db: float, unit: float) -> N
     for side in (-1, 1):
         ends = [side * limit * unit / 2 for limit in target.limits]
         axes.plot(ends, [-level_db] * 2, color=INK, lw=5, alpha=0.45, solid_capstyle="butt", zorder=4)
-    axes.annotate(f"{number_text(target.low * unit)}", (0, -level_db), xytext=(0, 3), color=FAINT, size=9,
-                  textcoords="offset points", ha="center", zorder=6)  # fmt: skip
+    # Above the right end of the bar, outside the curve.
+    right = max(target.limits) * unit / 2
+    axes.annotate(number_text(target.low * unit), (right, -level_db), xytext=(3, 1), color=FAINT, size=9,
+                  textcoords="offset points", va="bottom", zorder=6)  # fmt: skip
 
 
 def _draw_azimuth_spread(axes: Axes, found: DatasetStatistics, colour: str) -> None:
@@ -232,17 +234,17 @@ def _mark_spokes(axes: Axes, targets: Targets) -> None:
 
 
 PANELS: tuple[tuple[str, str, Draw, Callable[[Axes, Targets], None]], ...] = (
-    ("Histogram", "share of cells by code [%]", _draw_histogram, _mark_histogram),
+    ("Histogram", "share of cells [%] by code [0.5 dB]", _draw_histogram, _mark_histogram),
     ("Exceedance", "share of cells at or above a level [%], by dB", _draw_exceedance, _mark_exceedance),
     ("Levels by range", "mean (thick), p50, p90, p99 by range [m]", _draw_by_range, _mark_by_range),
-    ("Noise", "share of quiet far cells by code [%]", _draw_noise, _mark_noise),
+    ("Noise", "share of quiet far cells [%] by code [0.5 dB]", _draw_noise, _mark_noise),
     ("Noise over range", "autocorrelation by lag [bins]", _draw_correlation, _mark_correlation),
     ("Lower envelope", "5th percentile of power by range [m]", _draw_envelope, _mark_envelope),
     ("Point spread in range", "median peak [dB] by offset [m]", _draw_range_spread,
      _mark_range_spread),
     ("Point spread in azimuth", "median peak [dB] by offset [°]", _draw_azimuth_spread,
      _mark_azimuth_spread),
-    ("Strongest range bins", "median code (p10, p90 dotted) by rank", _draw_ranks, _mark_ranks),
+    ("Strongest bins", "median code (p10, p90 dotted) by rank", _draw_ranks, _mark_ranks),
     ("Leakage", "mean code (median dotted) by range [m]", _draw_leakage, _mark_leakage),
     ("Spokes", "share of scans with a raised floor [%], by azimuth", _draw_spokes, _mark_spokes),
 )  # fmt: skip
