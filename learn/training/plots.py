@@ -76,7 +76,7 @@ def _draw_matches(axes: Axes, model: FastKeypointModel, pairs: PairDataset, pair
     for start, end in zip(start_m[best], found_m[best], strict=True):
         axes.plot([start[1], end[1]], [start[0], end[0]], color=_LINE, linewidth=0.7)
     axes.scatter(found_m[best, 1], found_m[best, 0], s=4, color=_DOT)
-    axes.plot([], [], ".", color=_DOT, label="matched point of the destination, which is shown")
+    axes.plot([], [], ".", color=_DOT, label="matched point of the destination (background)")
     axes.plot([], [], color=_LINE, label="error: to the keypoint of the source, moved by the estimate")
     axes.legend(loc="upper left", fontsize=8)
     axes.set(xlim=(-half, half), ylim=(-half, half), xlabel="right [m]", ylabel="forward [m]")
