@@ -33,7 +33,7 @@ class ProgressBars:
             self._bars.stop()
 
     def report(self, stage: str, done: int, total: int) -> None:
-        """Update the bar of a stage, that of "scans" with scans per second; the first report starts the display.
+        """Update the bar of a stage, that of "scans" with its rate; the first report starts the display.
 
         Args:
             stage: Name of the stage.

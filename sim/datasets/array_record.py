@@ -29,7 +29,7 @@ class ArrayRecord:
 
     __hash__ = None  # pyright: ignore[reportAssignmentType]
     __array_ufunc__ = None
-    """NumPy's arrays leave comparisons with a record to `__eq__`, on either side, instead of doing each element."""
+    """Comparisons with NumPy's arrays, on either side, go to `__eq__` instead of through each element."""
 
 
 def _equal(first: Any, second: Any) -> bool:
