@@ -206,7 +206,7 @@ class _Given(torch.nn.Module):
         return self.output[: len(maps[0])]
 
 
-def test_a_match_weighs_by_its_own_score_and_that_of_where_it_is_found() -> None:
+def test_a_match_weighs_by_both_scores(monkeypatch: pytest.MonkeyPatch) -> None:
     """Distinct pixels of the source lie two rows up in the destination; scores are unlike everywhere.
 
     Each weight is (1 + 1) / 2 s_source(keypoint) s_destination(match); the motion is two metres forward.
@@ -221,9 +221,9 @@ def test_a_match_weighs_by_its_own_score_and_that_of_where_it_is_found() -> None
     logits = torch.full((1, 1, 16, 16), -100.0)
     rows, columns = torch.tensor([4, 5, 12, 13]), torch.tensor([3, 10, 5, 12])
     logits[0, 0, rows, columns] = 0.0
-    model.encoder, model.locations = _Given(torch.zeros(0)), _Given(logits)
-    model.scores = _Given(scores.logit())
-    model.maps = lambda images: maps  # type: ignore[method-assign]
+    monkeypatch.setattr(model, "locations", _Given(logits))
+    monkeypatch.setattr(model, "scores", _Given(scores.logit()))
+    monkeypatch.setattr(model, "maps", lambda images: maps)
     motion, matches = model(torch.zeros(1, 1, 16, 16), torch.zeros(1, 1, 16, 16))
     wanted = scores[0, 0, rows, columns] * scores[1, 0, rows - 2, columns]
     assert_allclose(matches.weights, wanted[None], rtol=1e-3)
