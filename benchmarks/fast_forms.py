@@ -74,16 +74,16 @@ def _upsampled_above(coarse: Tensor, fine: Tensor) -> Tensor:
     return torch.cat([_interpolated(coarse, 2), fine], 1)
 
 
-def _global(queries: Tensor, picture: FeaturePyramid, *, temperature: float) -> Search:
-    logits = temperature * (queries @ picture.descriptors().flatten(2).to(queries.dtype))
-    places = logits.softmax(-1) @ pixel_grid(*picture.shape, like=queries)
-    return Search(places_px=(places + 0.5) * picture.stride - 0.5, log_sums=logits.logsumexp(-1))
+def _global(queries: Tensor, pyramid: FeaturePyramid, *, temperature: float) -> Search:
+    logits = temperature * (queries @ pyramid.descriptors().flatten(2).to(queries.dtype))
+    places = logits.softmax(-1) @ pixel_grid(*pyramid.shape, like=queries)
+    return Search(places_px=(places + 0.5) * pyramid.stride - 0.5, log_sums=logits.logsumexp(-1))
 
 
-def _local(queries: Tensor, picture: FeaturePyramid, *, temperature: float, near: Near) -> NearSearch:
-    places = (pixel_grid(*picture.shape, like=queries) + 0.5) * picture.stride - 0.5
+def _local(queries: Tensor, pyramid: FeaturePyramid, *, temperature: float, near: Near) -> NearSearch:
+    places = (pixel_grid(*pyramid.shape, like=queries) + 0.5) * pyramid.stride - 0.5
     log_prior = -(torch.cdist(near.places_px, places[None]) ** 2) / (2 * near.deviation_px**2)
-    logits = temperature * (queries @ picture.descriptors().flatten(2).to(queries.dtype)) + log_prior
+    logits = temperature * (queries @ pyramid.descriptors().flatten(2).to(queries.dtype)) + log_prior
     return NearSearch(found=_moments(logits, places), expected=_moments(log_prior, places))
 
 

@@ -178,11 +178,11 @@ def test_vertical_polarisation_is_te_at_walls_and_tm_at_the_ground(
     power = np.array([power_of(echoes, k + 1) for k in range(18)]).reshape(3, 6).mean(axis=1)
     epsilon = by_hand(*ROWS["concrete"])
     head_on = coefficient(epsilon, 0.0)[0]
-    for kind, told in ((1, "wall (TE)"), (2, "ground (TM)")):
+    for kind, surface in ((1, "wall (TE)"), (2, "ground (TM)")):
         # Lambert: projected area and emission each fall with the cosine.
         share = coefficient(epsilon, angle)[kind - 1] * math.cos(angle) ** 2
         law(
-            f"Rough concrete at 60 deg against normal incidence, vertical polarisation: {told}",
+            f"Rough concrete at 60 deg against normal incidence, vertical polarisation: {surface}",
             source="its Fresnel coefficient and Lambert's cosines",
             expected=10 * math.log10(share / head_on),
             simulated=10 * math.log10(power[kind] / power[0]),

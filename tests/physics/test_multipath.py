@@ -103,7 +103,7 @@ def test_bounce_limit_of_one_removes_every_ghost(law: LawRecorder, yard: Echoes)
 
 def with_and_without_ghosts(town: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Labels (400, bins) of a scan's cells, and which of them are above 0 only with ghosts."""
-    heard, labels = [], np.zeros(0)
+    detected, labels = [], np.zeros(0)
     for ghosts in (True, False):
         simulator = Simulator(
             town,
@@ -116,11 +116,11 @@ def with_and_without_ghosts(town: Scene) -> tuple[np.ndarray, np.ndarray]:
         rngs = [np.random.default_rng(k) for k in (0, 1)]
         grid = echo_grid(simulator.echoes(0), STEADY)
         received = receive(grid, STEADY, simulator.artefacts, noise_rng=rngs[0], phase_rng=rngs[1])
-        heard.append(received.power >= 1.26)  # what the quantiser can tell from nothing
+        detected.append(received.power >= 1.26)  # the least power with a code above 0
         truth = simulator.scan(0).truth
         if ghosts and truth is not None:
             labels = truth.cells.component
-    return labels, heard[0] & ~heard[1]
+    return labels, detected[0] & ~detected[1]
 
 
 def test_ghost_mask_marks_what_vanishes(law: LawRecorder) -> None:

@@ -194,9 +194,9 @@ def test_lobes_through_the_tracer(law: LawRecorder, monkeypatch: pytest.MonkeyPa
         ("directive", 1, "in at 81, out forward at 75 deg", (cos_image, cos_radar, apart)),
         ("backscatter", 1, "in at 81, out forward at 75 deg", (cos_image, cos_radar, apart)),
     ]
-    for lobe, way, told, cosines in cases:
+    for lobe, way, directions, cosines in cases:
         law(
-            f"{lobe.capitalize()} lobe (order 3) against Lambert's, traced, {told}",
+            f"{lobe.capitalize()} lobe (order 3) against Lambert's, traced, {directions}",
             source=EFFECTIVE,
             expected=float(decibel(lobe_to_lambert(lobe, 3, *cosines))),
             simulated=float(decibel(power[lobe][way] / power["lambert"][way])),

@@ -222,7 +222,7 @@ def test_corner_is_one_target_at_its_apex(law: LawRecorder) -> None:
     assert abs(int(np.argmax(with_ghosts.codes[0])) - bin_) <= 1
 
 
-def test_small_target_between_rays_is_heard_in_full(law: LawRecorder) -> None:
+def test_small_target_between_rays_is_received_in_full(law: LawRecorder) -> None:
     rng = np.random.default_rng(5)
     level = []
     for range_m, azimuth in zip(rng.uniform(20, 150, 8), rng.uniform(-3, 3, 8), strict=True):

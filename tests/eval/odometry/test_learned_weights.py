@@ -1,4 +1,4 @@
-"""The weights that come along: what they say of themselves, and that they find motions."""
+"""The weights in the package: their record, and the motions found with them."""
 
 import math
 from dataclasses import replace

@@ -81,15 +81,15 @@ def test_a_turn_is_found_by_who_can_and_missed_by_who_cannot(
         return replace(read(folder, index), codes=codes)
 
     monkeypatch.setattr(type(folder), "read", same)
-    told: list[int] = []
+    reported: list[int] = []
     places = places_of(folder, 40)
     found = loop_closure_recall(
-        folder, cast(ScanMatcher, Blind()), places, progress=lambda stage, done, total: told.append(done)
+        folder, cast(ScanMatcher, Blind()), places, progress=lambda stage, done, total: reported.append(done)
     )
     assert found["within"] == 1.0
     assert found["rotation_deg_median"] == pytest.approx(0, abs=1e-9)
     assert 0 < found["plain_within"] < 0.4  # one heading of eight is none
-    assert told == list(range(41))
+    assert reported == list(range(41))
 
 
 def test_a_folder_without_poses_cannot_judge(tmp_path: Path) -> None:

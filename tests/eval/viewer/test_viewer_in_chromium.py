@@ -32,7 +32,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 REACH_M = SENSOR.bins // 2 * 2 * SENSOR.bin_m
-"""What the picture shows at first: 500 drawn cells of two bins."""
+"""Reach of the first image [m]: 500 drawn cells of two bins."""
 BLOCK = (20.7, 0.0)
 """Right and forward [m] of the middle of the block of echoes."""
 DARK = [11, 14, 19]
@@ -56,7 +56,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture
 def page(browser: Chromium, address: str) -> Iterator[Chromium]:
-    """The page at its first scan; at the end nobody has complained, and nothing was asked of the network."""
+    """The page at its first scan; at the end it has no errors and has requested nothing by network."""
     browser.errors.clear()
     browser.requests.clear()
     browser.open(address)
@@ -74,9 +74,9 @@ def _colour(page: Chromium, right_m: float, forward_m: float, reach_m: float = R
     """The colour that the canvas has where something stands, from above and heading up."""
     x, y = 0.5 + right_m / (2 * reach_m), 0.5 - forward_m / (2 * reach_m)
     return page.value(
-        "(() => { const picture = document.getElementById('image'), side = picture.width; "
+        "(() => { const image = document.getElementById('image'), side = image.width; "
         "const pixel = new OffscreenCanvas(1, 1).getContext('2d', {willReadFrequently: true}); "
-        f"pixel.drawImage(picture, Math.floor({x} * side), Math.floor({y} * side), 1, 1, 0, 0, 1, 1); "
+        f"pixel.drawImage(image, Math.floor({x} * side), Math.floor({y} * side), 1, 1, 0, 0, 1, 1); "
         "return [...pixel.getImageData(0, 0, 1, 1).data].slice(0, 3); })()"
     )
 

@@ -104,7 +104,7 @@ def test_pixels_and_metres_are_inverses_and_forward_is_up() -> None:
         ({"near_m": -1.0}, "near_m"),
     ],
 )
-def test_settings_that_make_no_image_are_refused(wrong: dict, name: str) -> None:
+def test_image_settings_out_of_their_range_are_refused(wrong: dict, name: str) -> None:
     with pytest.raises(ValueError, match=f"{name} must"):
         ImageSettings(**wrong)
 

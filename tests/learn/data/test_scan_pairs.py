@@ -60,7 +60,7 @@ def _brightness(image: torch.Tensor, points_m: np.ndarray) -> tuple[float, float
     ],
 )
 @pytest.mark.parametrize(("source", "destination"), [(3, 0), (0, 3), (1, 2)])
-def test_the_motion_takes_what_the_source_sees_to_where_the_destination_sees_it(
+def test_the_motion_maps_points_of_the_source_to_those_of_the_destination(
     pairs: PairDataset, source: int, destination: int, augmentation: PairAugmentation
 ) -> None:
     batch = pairs.batch([Pair(drive=0, source=source, destination=destination, augmentation=augmentation)])
@@ -108,8 +108,8 @@ def test_rotating_and_shifting_images_changes_the_motion_exactly(
     )
     point = complex(4.0, -2.0)  # forward + i right: clockwise rotations are products with exp(i angle)
     seen_before = point * np.exp(1j * yaw) + complex(x, y)
-    shown = point * np.exp(1j * source) + complex(*source_shift)
-    seen = shown * np.exp(1j * found.yaw_rad) + complex(found.x_m, found.y_m)
+    rendered = point * np.exp(1j * source) + complex(*source_shift)
+    seen = rendered * np.exp(1j * found.yaw_rad) + complex(found.x_m, found.y_m)
     assert abs(seen - seen_before * np.exp(1j * destination)) < 1e-9
     assert abs(found.yaw_rad) <= math.pi
 
@@ -198,7 +198,7 @@ def test_folders_without_poses_are_refused(tmp_path: Path) -> None:
         PairDataset([], IMAGE)
 
 
-def test_a_batch_is_moved_to_a_device_with_all_that_is_known_of_it(pairs: PairDataset) -> None:
+def test_a_batch_is_moved_to_a_device_with_all_its_fields(pairs: PairDataset) -> None:
     """The device `meta` exists everywhere."""
     batch = pairs.batch([Pair(drive=0, source=1, destination=0)])
     there = batch.to(torch.device("meta"))

@@ -1,4 +1,4 @@
-"""De-skewing of matches: a landmark seen by a beam that goes round in a moving car, put back exactly."""
+"""Motion compensation of matches: landmarks measured from a moving car are put back exactly."""
 
 import cmath
 import math
@@ -137,7 +137,7 @@ def test_the_motion_between_rolling_scans_is_exact_at_steady_velocity(
     assert_allclose(found.rotation[0], expected[:2, :2], atol=1e-5)
 
 
-def test_a_keyframe_that_was_seen_at_another_velocity_is_put_right_by_its_own() -> None:
+def test_a_keyframe_at_another_velocity_is_compensated_by_its_own() -> None:
     """The car turned when it saw the keyframe, far off by now, and goes straight on."""
     turning, straight = (8.0, 0.0, 0.4), (8.0, 0.0, 0.0)
     spots = _spots()
@@ -222,7 +222,7 @@ def test_points_taken_as_they_are_are_off_where_the_car_turns() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"scan_s": 0.0}, {"gap_s": 0.0}, {"doppler_beta_s": math.nan}])
-def test_scans_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
+def test_times_and_coefficients_out_of_their_range_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(wrong))} must"):
         ScanMotionModel(**{"scan_s": SCAN_S, "doppler_beta_s": BETA_S, "gap_s": GAP_S, **wrong})
 

@@ -194,7 +194,7 @@ def test_where_no_match_is_wrong_both_agree(seed: int) -> None:
     assert_allclose(found.rotation, expected.rotation, atol=1e-5)
 
 
-def test_robust_motion_tells_uncertain_sets_as_least_squares_do() -> None:
+def test_robust_motion_is_uncertain_where_least_squares_is() -> None:
     points = torch.ones(1, 5, 2, dtype=torch.float64)
     found = robust_motion(points, points, torch.ones(1, 5, dtype=torch.float64), scale_m=1.0)
     assert not bool(found.certain)

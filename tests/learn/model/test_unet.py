@@ -52,7 +52,7 @@ def test_descriptors_are_those_of_the_dense_map_and_of_unit_length() -> None:
     assert_allclose(found.norm(dim=-1), 1, atol=1e-12)
 
 
-def test_descriptors_of_pictures_that_differ_and_are_not_square_are_their_own() -> None:
+def test_descriptors_of_images_that_differ_and_are_not_square_are_their_own() -> None:
     maps = oblong_maps(32, 48)
     points = torch.rand(2, 40, 2, generator=torch.Generator().manual_seed(8), dtype=torch.float64)
     points = points * torch.tensor([40.0, 56.0]) - 4  # some outside

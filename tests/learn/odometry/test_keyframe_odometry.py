@@ -71,8 +71,8 @@ class Seeing(ScanMatcher):
         there = transform(self.poses[first].inverse(), spots())
         here = transform(self.poses[second].inverse(), spots())
         # In images: the match is pulled from the true place to the one at which the source shows the spot.
-        true, shown = transform(destination.rendered_at, here), transform(source.rendered_at, there)
-        pulled = transform(destination.rendered_at.inverse(), true + self.bias * (shown - true))
+        true, rendered = transform(destination.rendered_at, here), transform(source.rendered_at, there)
+        pulled = transform(destination.rendered_at.inverse(), true + self.bias * (rendered - true))
         weights = torch.full(there.shape[:2], 0.0 if first in self.blind else 1.0)
         return Matches(source_m=there, destination_m=pulled, weights=weights)
 
@@ -138,7 +138,7 @@ def end(found: list[SE2], true: list[SE2]) -> End:
 
 
 @pytest.mark.parametrize("config", [None, ROBUST_PAIRS])
-def test_what_is_seen_rightly_is_followed_exactly(config: OdometryConfig | None) -> None:
+def test_exact_matches_give_exact_motions(config: OdometryConfig | None) -> None:
     poses = drive()
     found = followed(Seeing(poses), config)
     for pose, true in zip(found, poses, strict=True):
@@ -157,18 +157,18 @@ def test_a_lean_towards_where_things_have_been_shortens_pairs_but_hardly_what_is
     assert kept.metres < alone.metres / 10
 
 
-def test_a_scan_is_shown_where_a_steady_car_would_have_brought_it() -> None:
+def test_a_scan_is_rendered_where_constant_velocity_leads() -> None:
     steady = SE2(x_m=1.5, y_m=0.1, yaw_rad=0.01)
     seeing = Seeing(chained([steady] * 5))
     followed(seeing)
-    shown = dict(seeing.renderings)
+    rendered = dict(seeing.renderings)
     for number in (2, 3, 4, 5):
         true = seeing.poses[number]
-        at = shown[number]
+        at = rendered[number]
         assert_allclose([at.x_m, at.y_m, at.yaw_rad], [true.x_m, true.y_m, true.yaw_rad], atol=1e-3)
 
 
-def test_a_longer_gap_leads_farther() -> None:
+def test_scans_after_a_longer_gap_are_rendered_farther() -> None:
     seeing = Seeing(chained([SE2(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 3))
     odometry = KeyframeOdometry(seeing)
     _, state = odometry.follow(odometry.start(scan(0)), scan(1))
@@ -178,7 +178,7 @@ def test_a_longer_gap_leads_farther() -> None:
     assert seeing.renderings[-1][1].x_m == pytest.approx(2.0, abs=1e-3)
 
 
-def test_a_surprise_is_looked_at_again_where_it_was_found() -> None:
+def test_a_pair_beyond_the_innovation_gate_is_matched_again_at_the_motion_found() -> None:
     seeing = Seeing(chained([SE2(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2), bias=0.2)
     odometry = KeyframeOdometry(seeing)
     first, _ = odometry.follow(odometry.start(scan(0)), scan(1))
@@ -191,7 +191,7 @@ def test_a_surprise_is_looked_at_again_where_it_was_found() -> None:
 def test_keyframes_come_where_the_last_is_out_of_reach() -> None:
     seeing = Seeing(chained([SE2(x_m=1.0, y_m=0.0, yaw_rad=0.0)] * 9))
     followed(seeing, OdometryConfig(keyframe_m=3.5, innovation_gate_m=math.inf))
-    # Scans 0 to 4 are shown in the frame of 0; 4, out of reach, upright again before 5; 8 before 9.
+    # Scans 0 to 4 are rendered in the frame of 0; 4, out of reach, upright again before 5; 8 before 9.
     assert [number for number, _ in seeing.renderings] == [0, 1, 2, 3, 4, 4, 5, 6, 7, 8, 8, 9]
     upright = [number for number, at in seeing.renderings if at == IDENTITY]
     assert upright == [0, 1, 4, 8]
@@ -201,30 +201,30 @@ def test_keyframes_come_where_the_last_is_out_of_reach() -> None:
 
 
 @pytest.mark.parametrize("motion", [SE2(x_m=30.0, y_m=0.0, yaw_rad=0.0), SE2(x_m=0.0, y_m=0.0, yaw_rad=0.6)])
-def test_a_motion_that_no_car_keeps_up_is_not_expected_again(motion: SE2) -> None:
+def test_a_motion_too_fast_for_a_car_is_not_expected_again(motion: SE2) -> None:
     seeing = Seeing(chained([motion, IDENTITY]))
     followed(seeing)
     assert seeing.renderings[-1][1] == IDENTITY
     assert seeing.search_sigmas_m[-1] is None
 
 
-def test_a_turn_is_a_surprise_too() -> None:
+def test_a_turn_beyond_the_innovation_gate_is_matched_again_too() -> None:
     seeing = Seeing(chained([SE2(x_m=0.0, y_m=0.0, yaw_rad=0.1)]))
     followed(seeing)
     assert [number for number, _ in seeing.renderings] == [0, 1, 1]
 
 
 def test_the_first_keyframe_has_the_velocity_of_the_first_motion() -> None:
-    """From a stand: later scans are faster, but the keyframe was seen at a stand."""
+    """From a stand: later scans are faster, but the keyframe is from a stand."""
     seeing = Seeing(chained([SE2(x_m=0.2 * k, y_m=0.0, yaw_rad=0.0) for k in range(8)]))
     followed(seeing, OdometryConfig(innovation_gate_m=math.inf))
     assert seeing.parts[-1][0].twist is not None
     assert_allclose(seeing.parts[-1][0].twist.velocity_mps, [[0, 0]], atol=1e-3)
 
 
-@pytest.mark.parametrize("says", [0.0, 1.0])
-def test_a_second_look_counts_only_if_it_says_something(says: float) -> None:
-    """Where nothing is said of any direction nothing is off either: the first look stands."""
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_the_second_match_counts_only_with_precision(share: float) -> None:
+    """Without precision in any direction the first match stands."""
 
     class Vague(Seeing):
         def match(
@@ -233,8 +233,8 @@ def test_a_second_look_counts_only_if_it_says_something(says: float) -> None:
             found = super().match(source, destination, search_sigma_m=search_sigma_m)
             if search_sigma_m is None:
                 return found
-            off = found.destination_m + torch.tensor([4.0 * (1 - says), 0.0])
-            precision = says * torch.eye(2).expand(*off.shape, 2)
+            off = found.destination_m + torch.tensor([4.0 * (1 - share), 0.0])
+            precision = share * torch.eye(2).expand(*off.shape, 2)
             return replace(found, destination_m=off, precision=precision)
 
     seeing = Vague(chained([SE2(x_m=2.0, y_m=0.0, yaw_rad=0.0)]))
@@ -245,9 +245,9 @@ def test_a_second_look_counts_only_if_it_says_something(says: float) -> None:
     assert found.motion.x_m == pytest.approx(2.0, abs=1e-3)
 
 
-def test_a_second_look_that_finds_something_else_is_not_taken() -> None:
+def test_a_second_match_that_disagrees_is_not_taken() -> None:
     class Dim(Seeing):
-        """Sees half of the second look's matches in wrong places."""
+        """Half of the matches of the second time are wrong."""
 
         def match(
             self, source: ScanFeatures, destination: ScanFeatures, *, search_sigma_m: float | None = None
@@ -271,7 +271,7 @@ def test_the_timing_of_a_pair_is_that_of_its_scans() -> None:
     assert (found.scan_s, found.doppler_beta_s, found.gap_s) == pytest.approx((0.2, 0.05, GAP_S))
 
 
-def test_a_keyframe_keeps_the_velocity_that_it_was_seen_at() -> None:
+def test_a_keyframe_keeps_the_velocity_of_its_scan() -> None:
     motion = SE2(x_m=1.0, y_m=0.0, yaw_rad=0.0)
     seeing = Seeing(chained([motion] * 6))
     followed(seeing, OdometryConfig(keyframe_m=2.5, innovation_gate_m=math.inf))
@@ -305,8 +305,8 @@ def test_matches_with_the_keyframe_count_by_their_weight() -> None:
     assert off[0] > 1.8 * off[1] > 4 * off[2] > 0
 
 
-def test_matches_are_looked_for_nearby_once_there_is_an_expectation() -> None:
-    # The first pair is looked at twice, for it comes as a surprise; then there is an expectation.
+def test_matches_are_searched_locally_once_a_motion_is_expected() -> None:
+    # The first pair is matched twice, as nothing was expected; then there is an expectation.
     seeing = Seeing(chained([SE2(x_m=2.0, y_m=0.0, yaw_rad=0.0)] * 2))
     followed(seeing, OdometryConfig(search_sigma_m=1.25))
     assert seeing.search_sigmas_m == [None, 1.25, 1.25, 1.25]
@@ -315,7 +315,7 @@ def test_matches_are_looked_for_nearby_once_there_is_an_expectation() -> None:
     assert alone.search_sigmas_m == [None, None]
 
 
-def test_pairs_alone_are_what_the_estimator_says_of_them() -> None:
+def test_pairs_alone_have_the_estimates_of_the_matcher() -> None:
     poses = drive(10)
     seeing = Seeing(poses, bias=0.3)
     odometry = KeyframeOdometry(seeing, ROBUST_PAIRS)
@@ -357,7 +357,7 @@ def test_times_without_a_velocity_leave_points_as_measured_with_a_warning(
 
 
 @pytest.mark.parametrize("name", list(vars(OdometryConfig())))
-def test_config_that_cannot_be_are_refused(name: str) -> None:
+def test_config_out_of_its_range_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name} must be 0 or more, got nan"):
         replace(OdometryConfig(), **{name: math.nan})
 

@@ -21,7 +21,7 @@ def test_followers_keep_their_distance(straight: RoadGraph) -> None:
         may_use=np.ones((3, len(straight.lanes)), dtype=bool),
     )
     drive = plan_ego_drive(straight, seed=3, duration_s=40)
-    far = replace(drive, travel_m=np.full_like(drive.travel_m, 0.0))  # the radar car stays where nobody is
+    far = replace(drive, travel_m=np.full_like(drive.travel_m, 0.0))  # the radar car stays far from others
     record = simulate_traffic(straight, far, slow_lead, step_s=0.2, rng=np.random.default_rng(0))
     gap = -np.diff(record.travel_m, axis=1) - 4.5
     assert gap.min() > 1.5

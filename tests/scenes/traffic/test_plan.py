@@ -134,5 +134,5 @@ def test_twenty_kilometres_of_town_traffic(town_roads: RoadGraph, bare_town: Bar
 
 def test_zero_density_gives_no_traffic(blocks: RoadGraph, bare_town: BareTown) -> None:
     drive = plan_ego_drive(blocks, seed=1, duration_s=5)
-    nobody = TrafficSettings(vehicles_per_km2=0.0, pedestrians_per_km2=0.0)
-    assert plan_traffic(bare_town(blocks), drive, seed=1, settings=nobody) == ()
+    empty = TrafficSettings(vehicles_per_km2=0.0, pedestrians_per_km2=0.0)
+    assert plan_traffic(bare_town(blocks), drive, seed=1, settings=empty) == ()

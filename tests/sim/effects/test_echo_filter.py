@@ -98,7 +98,7 @@ def test_echoes_of_another_scan_or_seed_are_refused(
     made = point_echoes(
         azimuth=np.array([5]), range_m=np.array([30.0]), amplitude=np.array([1e-5]), azimuths=400
     )
-    placed = whole.scan(1, echoes=made)  # whose echoes nobody traced fit any scan
+    placed = whole.scan(1, echoes=made)  # echoes that were not traced belong to no scan
     assert placed.codes[5].argmax() == pytest.approx(30.0 / STEADY.bin_m, abs=2)
 
 

@@ -53,7 +53,7 @@ def test_lengths_by_factors_that_are_not_even_are_refused() -> None:
         squared_lengths(_drawn(1, 1, 2, 2), 3)
 
 
-def test_pixels_are_taken_where_rows_and_columns_meet_of_each_picture() -> None:
+def test_pixels_are_taken_from_each_image_where_rows_and_columns_meet() -> None:
     values = _drawn(2, 3, 4, 5)
     pixels = torch.tensor([[[[0.0, 3.0], [4.0, 1.0]]], [[[2.0, 2.0], [0.0, 3.0]]]])  # (2, 1, 2, 2)
     found = pixels_taken(values, pixels)
