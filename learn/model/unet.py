@@ -50,7 +50,10 @@ class FastDecoder(Decoder):
         values = maps[-1]
         for fine, layer in zip(maps[-2::-1], list(self.blocks)[::-1], strict=True):
             values = layer(_upsampled_above(values, fine))
-        return self.head(values)
+        if values.dtype == torch.bfloat16:
+            return self.head(values)
+        weight, bias = self.head.parameters()
+        return (values * weight[0]).sum(1, keepdim=True) + bias  # in float32 as `Decoder` computes it
 
 
 def _upsampled_above(coarse: Tensor, fine: Tensor) -> Tensor:

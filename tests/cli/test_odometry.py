@@ -185,10 +185,20 @@ def test_bad_input_is_refused(points: Path, tmp_path: Path, capsys: pytest.Captu
     assert not Path(out).exists()
 
 
-def test_the_number_of_threads_does_not_change_a_byte(points: Path, tmp_path: Path) -> None:
-    """By the bundled weights, at 320 pixels: large enough that two threads share the work."""
+@pytest.mark.parametrize("solver", ["keyframe", "robust", "paper"])
+@pytest.mark.parametrize("dtype", ["fast", "float32"])
+def test_the_number_of_threads_does_not_change_a_byte(
+    points: Path, tmp_path: Path, solver: str, dtype: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the bundled weights, at 320 pixels: large enough that two threads share the work.
+
+    In the number format that this processor is fast with, and in float32, which others take.
+    """
+    if dtype == "float32":
+        monkeypatch.setattr("torch.cpu.get_capabilities", dict)
     for threads in ("1", "2"):
-        assert main(["odometry", str(points), "--out", str(tmp_path / threads), "--threads", threads]) == 0
+        words = ["--out", str(tmp_path / threads), "--threads", threads, "--solver", solver]
+        assert main(["odometry", str(points), *words]) == 0
         assert torch.get_num_threads() == int(threads)
     for name in ("odometry.csv", "trajectory.txt", "trajectory.tum"):  # pairs.csv has times
         one, two = ((tmp_path / threads / name).read_bytes() for threads in ("1", "2"))
