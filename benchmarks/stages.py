@@ -70,8 +70,8 @@ def measure(simulator: Simulator, scans: int) -> Stopwatch:
             receive, grid, sensor, artefacts, noise_rng=noise_rng, phase_rng=phase_rng,
         )  # fmt: skip
         watch.time("quantiser", codes, received.power)
-        dominant = watch.time("truth: dominant echoes", labeller.dominant_echoes, echoes)
-        watch.time("truth: labels", labeller.label, dominant, received, artefacts)
+        dominant = labeller.dominant_echoes(echoes)  # sums the echoes on first use, when cells are labelled
+        watch.time("truth of the cells", labeller.label, dominant, received, artefacts)
         if watch.warm and index % 4 == 0:
             write(simulator.scan(index), watch)
             compare(echoes, grid, watch)
