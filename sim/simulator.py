@@ -331,7 +331,7 @@ class Simulator:
         return PolarScan(
             codes=codes(output.power),
             timestamp_us=EPOCH_US + np.rint(state.revolution.times_s * 1e6).astype(np.int64),
-            encoder=_encoder(sensor),
+            encoder=sensor.encoder,
             valid=np.ones(sensor.azimuths, np.bool_),
             bin_m=sensor.bin_m,
             truth=self._truth(state, incoming, output, artefacts) if truth else None,
@@ -375,9 +375,3 @@ def _grouped(settings: Iterable[Artefacts], names: Sequence[str]) -> list[list[A
     for each in settings:
         groups.setdefault(tuple(getattr(each, name) for name in names), []).append(each)
     return list(groups.values())
-
-
-def _encoder(sensor: Sensor) -> NDArray[np.uint16]:
-    """Return the encoder count of each azimuth."""
-    step = sensor.encoder_per_turn // sensor.azimuths
-    return (sensor.encoder_first + step * np.arange(sensor.azimuths)).astype(np.uint16)

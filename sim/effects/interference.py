@@ -220,7 +220,7 @@ def received_share(
     """
     away = position - poses.position
     range_m = np.linalg.norm(away, axis=1)
-    beam = poses.yaw - 2 * math.pi / sensor.azimuths * np.arange(sensor.azimuths)
+    beam = poses.yaw - sensor.azimuth_rad
     bearing = np.arctan2(away[:, 1], away[:, 0])
     elevation = np.arcsin(away[:, 2] / range_m) - math.radians(sensor.mount_tilt_deg)
     azimuth = principal_angle(beam - bearing)

@@ -1,8 +1,8 @@
 """When each azimuth of a scan is measured, and where the antenna and the moving objects are then.
 
 Vehicle and radar share a heading. Azimuth grows clockwise from straight ahead, so in the world (z up, yaw
-counter-clockwise) azimuth i looks along yaw - 2 pi i / azimuths. The time of an azimuth is the middle of its
-sweep.
+counter-clockwise) azimuth i looks along yaw - `Sensor.azimuth_rad[i]`. The time of an azimuth is the middle of
+its sweep.
 """
 
 import math

@@ -72,7 +72,7 @@ class BeamWeighting:
         """Return how many azimuths to each side receive a return, by its level above the floor."""
         # A return lies up to half an azimuth from the azimuth that points at it.
         most = (self._sensor.azimuths - 1) // 2  # the whole revolution, no azimuth twice
-        offset = np.maximum(np.arange(most + 1) - 0.5, 0) * (2 * math.pi / self._sensor.azimuths)
+        offset = np.maximum(np.arange(most + 1) - 0.5, 0) * self._sensor.azimuth_step_rad
         gain = np.interp(offset, antenna.azimuth_grid_rad, antenna.azimuth_two_way)
         level = power_ratio(np.arange(_LEVELS) * _LEVEL_DB)
         return np.array([np.flatnonzero(gain * each >= 1).max(initial=0) for each in level])
@@ -120,8 +120,8 @@ class BeamWeighting:
 
     def _off_boresight(self, towards: "mi.Vector3f", azimuth: "mi.UInt32", poses: PoseTables) -> "mi.Float":
         """Return how far directions (N) lie to the right of the beam, -0.5 to 0.5 [revolutions]."""
-        spacing = 2 * math.pi / self._sensor.azimuths
-        heading = dr.gather(mi.Float, poses.yaw, azimuth) - mi.Float(azimuth) * spacing
+        right = mi.Float(azimuth) * self._sensor.azimuth_step_rad + self._sensor.first_azimuth_rad
+        heading = dr.gather(mi.Float, poses.yaw, azimuth) - right
         offset = (heading - dr.atan2(towards.y, towards.x)) * (1 / (2 * math.pi))
         return offset - dr.round(offset)
 
@@ -146,6 +146,7 @@ class BeamWeighting:
         position = dr.gather(mi.Vector3d, poses.position, paths.azimuth)
         towards = mi.Vector3f(paths.out - position)
         bearing = dr.gather(mi.Float, poses.yaw, paths.azimuth) - dr.atan2(towards.y, towards.x)
+        bearing -= self._sensor.first_azimuth_rad
         away = bearing / (2 * math.pi) - mi.Float(paths.azimuth) * (1 / self._sensor.azimuths)
         return mi.Int32(paths.azimuth) + mi.Int32(dr.round((away - dr.round(away)) * self._sensor.azimuths))
 

@@ -137,7 +137,7 @@ def draw_directions(antenna: Antenna, *, rays: int, rng: np.random.Generator) ->
     in_elevation = np.interp(elevation, antenna.elevation_grid_rad, elevation_density)
     return Directions(
         azimuth=azimuth,
-        azimuth_rad=(azimuth * (2 * math.pi / azimuths) + offset) % (2 * math.pi),
+        azimuth_rad=(antenna.sensor.azimuth_rad[azimuth] + offset) % (2 * math.pi),
         elevation_rad=elevation,
         density=in_azimuth * in_elevation / np.cos(elevation),
     )
@@ -185,7 +185,7 @@ class PrimaryRays:
         one_way = np.interp(drawn.elevation_rad, antenna.elevation_grid_rad, antenna.elevation_one_way)
         self._gain = mi.Float(one_way.astype(np.float32))
         # Each ray looks for obstacles in the two azimuths that point nearest to it.
-        position = drawn.azimuth_rad * (sensor.azimuths / (2 * math.pi))
+        position = (drawn.azimuth_rad - sensor.first_azimuth_rad) / sensor.azimuth_step_rad
         self._sides = [np.asarray(side(position), np.int64) % sensor.azimuths for side in (np.floor, np.ceil)]
         low, high = map(math.radians, _BEAM_DEG)
         self._in_beam = (elevation > low) & (elevation < high)

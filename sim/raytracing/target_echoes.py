@@ -78,7 +78,7 @@ class TargetEchoes:
         self._scale = math.sqrt(link_w_m2(sensor)) / sensor.wavelength_m
         self._shift_s = sensor.doppler_shift_s
         self._step_m = sensor.resolution_m / _STEPS_PER_RESOLUTION
-        self._spacing = 2 * math.pi / sensor.azimuths
+        self._azimuth_rad = sensor.azimuth_rad
 
     @property
     def instances(self) -> list[int]:
@@ -112,6 +112,7 @@ class TargetEchoes:
             moving=np.zeros(count, np.bool_),
             surfaces=instance[:, None],
             coherent=np.ones(count, np.bool_),
+            displaced=np.zeros(count, np.bool_),
         )
         names = [field.name for field in fields(BeamEchoes)]
         return returns, BeamEchoes(**{k: np.concatenate([getattr(each, k) for each in parts]) for k in names})
@@ -119,7 +120,7 @@ class TargetEchoes:
     def _view(self, target: Target, poses: AzimuthPoses) -> _View:
         away = np.array(target.position_m) - poses.position
         range_m = np.maximum(np.linalg.norm(away, axis=1), 1e-3)
-        beam = poses.yaw - self._spacing * np.arange(self._sensor.azimuths)
+        beam = poses.yaw - self._azimuth_rad
         offset = principal_angle(beam - np.arctan2(away[:, 1], away[:, 0]))
         closing = np.einsum("ak,ak->a", poses.velocity, away) / range_m
         return _View(range_m=range_m, offset_rad=offset, closing_mps=closing)
@@ -129,7 +130,7 @@ class TargetEchoes:
         poses = state.poses
         view = self._view(target, poses)
         beyond = np.abs(view.offset_rad) - np.arctan(target.reach_m / view.range_m)
-        main = beyond <= (MAIN_AZIMUTHS + 0.5) * self._spacing
+        main = beyond <= (MAIN_AZIMUTHS + 0.5) * self._sensor.azimuth_step_rad
         # In a left turn it may lie between the main lobes of the last and the first azimuth.
         main[np.argmin(beyond)] = True
         near, aside = np.flatnonzero(main), np.flatnonzero(~main)
@@ -197,7 +198,7 @@ class TargetEchoes:
         gain = np.sqrt(np.interp(elevation - tilt, antenna.elevation_grid_rad, antenna.elevation_one_way))
         if not weighted:
             return gain
-        beam = poses.yaw[azimuth] - self._spacing * azimuth
+        beam = poses.yaw[azimuth] - self._azimuth_rad[azimuth]
         offset = beam - np.arctan2(away[:, 1], away[:, 0])
         return gain * self._azimuth_gain(offset) ** 0.25
 

@@ -42,7 +42,7 @@ class Sensor:
     encoder_per_turn: int
     """Encoder counts of a revolution."""
     encoder_first: int
-    """Encoder count of the first azimuth."""
+    """Encoder count of the first azimuth, which looks along 2 pi `encoder_first` / `encoder_per_turn`."""
     carrier_hz: float
     """Centre frequency of the sweep [Hz]."""
     bandwidth_hz: float
@@ -158,7 +158,33 @@ class Sensor:
     def azimuth_loss_db(self) -> NDArray[np.float64]:
         """Two-way loss by objects on the vehicle at each azimuth (azimuths,) [dB]."""
         azimuth_deg, loss_db = np.array(self.blocking_db).T
-        return np.interp(360 / self.azimuths * np.arange(self.azimuths), azimuth_deg, loss_db)
+        return np.interp(np.degrees(self.azimuth_rad), azimuth_deg, loss_db)
+
+    @property
+    def encoder(self) -> NDArray[np.uint16]:
+        """Encoder count of each azimuth (azimuths,): even steps of a revolution, rounded down."""
+        steps = np.arange(self.azimuths) * self.encoder_per_turn // self.azimuths
+        return ((self.encoder_first + steps) % self.encoder_per_turn).astype(np.uint16)
+
+    @property
+    def first_azimuth_rad(self) -> float:
+        """Direction of the first azimuth, clockwise from ahead, by its encoder count [rad]."""
+        return 2 * math.pi * self.encoder_first / self.encoder_per_turn
+
+    @property
+    def azimuth_step_rad(self) -> float:
+        """Angle from one azimuth to the next [rad]."""
+        return 2 * math.pi / self.azimuths
+
+    @property
+    def azimuth_rad(self) -> NDArray[np.float64]:
+        """Directions of the azimuths, clockwise from ahead (azimuths,) [rad], 0 to 2 pi.
+
+        Evenly spaced from the first one; where the encoder has no whole counts for that, its counts lie up to
+        one below.
+        """
+        angle = self.first_azimuth_rad + self.azimuth_step_rad * np.arange(self.azimuths)
+        return angle % (2 * math.pi)
 
     @property
     def wavelength_m(self) -> float:

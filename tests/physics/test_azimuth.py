@@ -1,0 +1,82 @@
+"""A target is seen along its bearing by whoever reads the encoder, as public loaders do."""
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from echoscape.scenes.core.target_meshes import with_targets
+from echoscape.scenes.core.targets import Target
+from echoscape.sim.datasets.layouts.registry import LAYOUTS
+from echoscape.sim.datasets.polar_scan import PolarScan
+from echoscape.sim.sensor.registry import SENSORS
+from echoscape.sim.settings.artefacts import Artefacts
+from echoscape.sim.settings.tracing import TraceSettings
+from echoscape.sim.simulator import Simulator
+from tests.sim.worlds import standing, world
+
+RANGE_M = 60.0
+BEARINGS_DEG = (-0.2, 37.3, 143.0, 271.6)
+"""Clockwise from ahead; the first lies between the last azimuth and the first one."""
+
+
+@cache
+def scan_of(sensor_name: str) -> PolarScan:
+    """A scan of corner reflectors 60 m away at the bearings, at the height of a radar that stands."""
+    sensor = SENSORS[sensor_name]
+    corners = [
+        Target(
+            kind="trihedral",
+            position_m=(
+                RANGE_M * math.cos(math.radians(bearing)),
+                -RANGE_M * math.sin(math.radians(bearing)),
+                sensor.mount_height_m,
+            ),
+            heading_rad=math.pi - math.radians(bearing),
+            size_m=(0.1,),
+        )
+        for bearing in BEARINGS_DEG
+    ]
+    town = with_targets(world(), corners)
+    return Simulator(
+        town,
+        standing(),
+        seed=1,
+        sensor=sensor,
+        settings=TraceSettings(rays=16, max_bounces=1),
+        artefacts=Artefacts(doppler=0.0),
+    ).scan(0)
+
+
+def read_as_loaders_do(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Azimuths [rad] by the encoder in columns 8 and 9, 5600 counts a revolution, and the power of cells."""
+    image = np.asarray(Image.open(path)).astype(np.int64)
+    azimuth_rad = (image[:, 8] + 256 * image[:, 9]) * (2 * math.pi / 5600)
+    return azimuth_rad, 10 ** (image[:, 11:] / 20)
+
+
+def bearing_deg(azimuth_rad: NDArray, power: NDArray, bin_m: float, near_deg: float) -> float:
+    """Centre of the power around a range and a bearing [deg]."""
+    ranges_m = (np.arange(power.shape[1]) + 0.5) * bin_m
+    ring = power[:, np.abs(ranges_m - RANGE_M) < 0.5].sum(axis=1)
+    away = np.remainder(azimuth_rad - math.radians(near_deg) + math.pi, 2 * math.pi) - math.pi
+    beam = np.abs(away) < math.radians(2.5)
+    return near_deg + math.degrees(np.sum(ring[beam] * away[beam]) / ring[beam].sum())
+
+
+@pytest.mark.parametrize("layout_name", LAYOUTS)
+@pytest.mark.parametrize("sensor_name", SENSORS)
+def test_corner_reflectors_lie_at_their_bearings_by_the_encoder(
+    sensor_name: str, layout_name: str, tmp_path: Path
+) -> None:
+    scan, layout = scan_of(sensor_name), LAYOUTS[layout_name]
+    path = tmp_path / f"{layout.stem(scan.timestamp_us)}.png"
+    layout.write_scan(path, scan)
+    azimuth_rad, power = read_as_loaders_do(path)
+    for bearing in BEARINGS_DEG:
+        found = bearing_deg(azimuth_rad, power, scan.bin_m, bearing)
+        assert found == pytest.approx(bearing, abs=0.1), bearing
