@@ -17,6 +17,8 @@ class Returns:
         moving: Whether a surface on the path moves (R,) bool.
         surfaces: Instance ids of the surfaces on the outward path, in order (R, D) uint32; 0 beyond the last.
         coherent: Whether the return is the phase sum of a target, without speckle (R,) bool.
+        displaced: Whether the return shows where none of the surfaces on its path is (R,) bool; never with
+            one surface, see `sim.raytracing.displacement`.
     """
 
     bounces: NDArray[np.uint8]
@@ -25,6 +27,7 @@ class Returns:
     moving: NDArray[np.bool_]
     surfaces: NDArray[np.uint32]
     coherent: NDArray[np.bool_]
+    displaced: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +95,11 @@ class Echoes:
         """Whether an object on the path of each echo moves (E,)."""
         return self.returns.moving[self.source]
 
+    @property
+    def displaced(self) -> NDArray[np.bool_]:
+        """Whether each echo shows where no surface on its path is (E,)."""
+        return self.returns.displaced[self.source]
+
     def select(self, keep: NDArray[np.bool_]) -> "Echoes":
         """Return some of the echoes.
 
@@ -139,6 +147,7 @@ def point_echoes(*, azimuth: NDArray, range_m: NDArray, amplitude: NDArray, azim
         moving=np.zeros(count, np.bool_),
         surfaces=np.zeros((count, 1), np.uint32),
         coherent=np.ones(count, np.bool_),
+        displaced=np.zeros(count, np.bool_),
     )
     amplitude = np.asarray(amplitude, np.complex64)
     return Echoes(

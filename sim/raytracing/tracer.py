@@ -16,6 +16,7 @@ from echoscape.scenes.core.targets import PlacedTarget
 from echoscape.sim.echoes import Echoes, Returns
 from echoscape.sim.raytracing.beam_weighting import BeamEchoes, BeamWeighting
 from echoscape.sim.raytracing.bounces import BounceSampler, RayBatch, ReturnPaths, picked
+from echoscape.sim.raytracing.displacement import Tolerance, displaced, tolerance
 from echoscape.sim.raytracing.intersection import Hits, RayScene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.ray_sampling import PrimaryHits, PrimaryRays
@@ -81,6 +82,7 @@ class Tracer:
             floor_units / units_per_watt(sensor) / 10 ** (max(y for _, y in sensor.range_gain_db) / 10)
         )
         self._beam = BeamWeighting(sensor, antenna, floor_w=self._floor_w)
+        self._tolerance = tolerance(sensor, antenna)
         self._obstacle = ~np.isin(instance_class, GROUND_CLASSES)
         self._targets = TargetEchoes(targets, sensor, antenna, floor_w=self._floor_w)
         self._coherent = mi.Bool(np.isin(np.arange(len(instance_class)), self._targets.instances))
@@ -120,7 +122,7 @@ class Tracer:
             rays, hits = picked(rays, index), picked(hits, index)
             rays.only_targets &= dr.gather(mi.Bool, self._coherent, hits.instance)
             dr.eval(rays, hits)
-            met.append(_Met(rays.number.numpy(), hits.instance.numpy()))
+            met.append(_Met(rays.number.numpy(), hits.instance.numpy(), hits.point.numpy()))
             if 2 * depth - 1 <= max_bounces:
                 direct = self._bounces.same_path_returns(rays, hits, depth=depth)
                 received.append(self._beam.echoes(direct, state.pose_tables))
@@ -132,7 +134,10 @@ class Tracer:
                 if onward is None:
                     break
                 rays, hits = onward, self._intersect(state.ray_scene, onward)
-        groups = [(_returns(paths, met), echoes) for paths, echoes in filter(None, received)]
+        groups = [
+            (_returns(paths, met, state.poses.position, self._tolerance), echoes)
+            for paths, echoes in filter(None, received)
+        ]
         targets = self._targets.echoes(state)
         return _joined_groups([*groups, targets] if targets else groups, first_obstacle_m)
 
@@ -159,7 +164,7 @@ class Tracer:
         """Return the loops above the floor whose last leg is free, None where there are none."""
         poses = state.pose_tables
         antenna = mi.Point3d(dr.gather(mi.Vector3d, poses.position, rays.azimuth))
-        loops = self._bounces.loop_returns(rays, hits, antenna, depth=depth)
+        loops = self._bounces.loop_returns(rays, hits, antenna, poses.axis(rays.azimuth), depth=depth)
         strong = loops.power * self._beam.largest_loop_gain(loops, poses) > self._floor_w
         start = hits.point + hits.normal * 1e-3
         dr.eval(loops, strong, start, antenna)
@@ -199,17 +204,30 @@ class Tracer:
 
 @dataclass(frozen=True)
 class _Met:
-    """What rays met at one depth: ray numbers (N,), increasing, and instances (N,)."""
+    """What rays met at one depth: ray numbers (N,), increasing, instances (N,), points (3, N) [m]."""
 
     number: NDArray[np.uint32]
     instance: NDArray[np.uint32]
+    point: NDArray[np.float64]
 
 
-def _returns(paths: ReturnPaths, met: Sequence[_Met]) -> Returns:
-    """Describe return paths; a same-path return of order 2 d - 1 met d surfaces on its outward path."""
+def _returns(
+    paths: ReturnPaths, met: Sequence[_Met], antenna: NDArray[np.float64], allowed: Tolerance
+) -> Returns:
+    """Describe return paths; a same-path return of order 2 d - 1 met d surfaces on its outward path.
+
+    `antenna` is its position at each azimuth (azimuths, 3) [m].
+    """
     number, count = paths.number.numpy(), dr.width(paths.azimuth)
     depth = paths.bounces if paths.back is not paths.out else (paths.bounces + 1) // 2
-    surfaces = [each.instance[np.searchsorted(each.number, number)] for each in met[:depth]]
+    found = [np.searchsorted(each.number, number) for each in met[:depth]]
+    surfaces = [each.instance[index] for each, index in zip(met, found, strict=False)]
+    wrong = np.zeros(count, np.bool_)
+    if depth > 1:
+        here = antenna[paths.azimuth.numpy()]
+        points = [each.point[:, index].T - here for each, index in zip(met, found, strict=False)]
+        out, back = paths.out.numpy().T - here, paths.back.numpy().T - here
+        wrong = displaced(out, back, np.stack(points, axis=1), allowed)
     return Returns(
         bounces=np.full(count, paths.bounces, np.uint8),
         instance=paths.instance.numpy(),
@@ -217,6 +235,7 @@ def _returns(paths: ReturnPaths, met: Sequence[_Met]) -> Returns:
         moving=paths.moving.numpy(),
         surfaces=np.stack(surfaces, axis=1),
         coherent=np.zeros(count, np.bool_),
+        displaced=wrong,
     )
 
 
@@ -236,6 +255,7 @@ def _joined_groups(
             + [np.pad(each.surfaces, ((0, 0), (0, deepest - each.surfaces.shape[1]))) for each, _ in groups]
         ),
         coherent=_joined([each.coherent for each, _ in groups], np.bool_),
+        displaced=_joined([each.displaced for each, _ in groups], np.bool_),
     )
     return Echoes(
         azimuth=_joined([part.azimuth for _, part in groups], np.int32),
