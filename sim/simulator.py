@@ -40,7 +40,7 @@ from echoscape.sim.settings.tracing import TraceSettings
 _STAGES = {"noise": 302, "phase_noise": 303, "rain": 306}
 """Numbers of the random stages; 301 and 307 belong to `sim.kinematics.timeline`, 304 and 305 to
 `sim.effects.interference`."""
-_PATH_ARTEFACTS = ("motion_distortion", "movers")
+_PATH_ARTEFACTS = ("motion_distortion", "attitude", "movers")
 """Artefacts that change the paths of rays."""
 _ECHO_ARTEFACTS = ("ghosts", "sidelobes", "doppler", "rain")
 """Artefacts that change traced echoes."""
@@ -196,7 +196,7 @@ class Simulator:
     def scans(self, index: int, settings: Sequence[Artefacts], *, truth: bool = True) -> list[PolarScan]:
         """Simulate a scan under several settings of artefacts, each step once for all that agree in it.
 
-        Rays are traced again only for settings that differ in motion distortion or moving objects. Each scan
+        Rays are traced again only for settings that differ in motion distortion, attitude or moving objects. Each scan
         has the bytes that a simulator with this setting alone would give it.
 
         Args:
@@ -365,7 +365,7 @@ class Simulator:
             middle_us=EPOCH_US + round(middle_s * 1e6),
             saturated=output.saturated,
             first_obstacle_m=incoming.dominant.echoes.first_obstacle_m,
-            boxes=mover_boxes(state.movers),
+            boxes=mover_boxes(state.movers, state.poses, self.sensor),
         )
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from echoscape.scenes.core.attitude import Attitude
+
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
@@ -20,11 +22,13 @@ class Trajectory:
         time_s: Increasing times (K,) float64 [s].
         state: x, y, z [m] and unwrapped yaw [rad], counter-clockwise from world x, (K, 4) float64.
         rate: Time derivative of `state` (K, 4) float64.
+        attitude: Pitch and roll of the body; None stays level.
     """
 
     time_s: NDArray[np.float64]
     state: NDArray[np.float64]
     rate: NDArray[np.float64]
+    attitude: Attitude | None = None
 
     def __post_init__(self) -> None:
         """Check shapes, times and values.
@@ -71,3 +75,29 @@ class Trajectory:
         inside = (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
         rate = self._spline(np.clip(time_s, self.time_s[0], self.time_s[-1]), nu=1)
         return np.where(inside[..., None], rate, 0.0)
+
+    def tilt(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Interpolate the attitude.
+
+        Args:
+            time_s: Times (...) [s].
+
+        Returns:
+            Pitch, nose up, and roll, right side down (..., 2) [rad]; 0 for a body that stays level.
+        """
+        if self.attitude is None:
+            return np.zeros((*np.shape(time_s), 2))
+        return self.attitude.angles(time_s)
+
+    def tilt_rate(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Interpolate the rates of the attitude.
+
+        Args:
+            time_s: Times (...) [s].
+
+        Returns:
+            Time derivatives of pitch and roll (..., 2) [rad/s].
+        """
+        if self.attitude is None:
+            return np.zeros((*np.shape(time_s), 2))
+        return self.attitude.rates(time_s)

@@ -1,23 +1,28 @@
 """When each azimuth of a scan is measured, and where the antenna and the moving objects are then.
 
 Vehicle and radar share a heading. Azimuth grows clockwise from straight ahead, so in the world (z up, yaw
-counter-clockwise) azimuth i looks along yaw - `Sensor.azimuth_rad[i]`. The time of an azimuth is the middle of
-its sweep.
+counter-clockwise) azimuth i looks along yaw - `Sensor.azimuth_rad[i]`, tilted with the body. The time of an
+azimuth is the middle of its sweep.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.core.attitude import body_axes
 from echoscape.scenes.core.scene import Mover
 from echoscape.scenes.core.trajectory import Trajectory
 from echoscape.sim.sensor.sensor import Sensor
 
 LONGEST_DEVIATION = 2.5
 """Standard deviations of the duration of a revolution at which its distribution is cut off."""
+TILT_CENTRE_M = 0.5
+"""Height about which the body pitches and rolls: between the roll centre, near the ground, and the centre of
+mass of a passenger car (Gillespie, Fundamentals of Vehicle Dynamics, 1992, ch. 6-7) [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,14 +84,21 @@ class AzimuthPoses:
     Attributes:
         position: Position at each azimuth (A, 3) float64 [m].
         yaw: Heading of the vehicle at each azimuth (A,) float64 [rad].
+        tilt: Pitch, nose up, and roll, right side down, at each azimuth (A, 2) float64 [rad].
         velocity: Velocity at each azimuth (A, 3) float64 [m/s].
         azimuth_period_s: Time from one azimuth to the next [s], 0 where all stand for mid-scan.
     """
 
     position: NDArray[np.float64]
     yaw: NDArray[np.float64]
+    tilt: NDArray[np.float64]
     velocity: NDArray[np.float64]
     azimuth_period_s: float
+
+    @cached_property
+    def axes(self) -> NDArray[np.float64]:
+        """Axes of the antenna: forward, to the right and up at each azimuth (A, 3, 3), in the world."""
+        return body_axes(self.yaw, self.tilt)
 
 
 def sweep_times(revolution: Revolution, distortion: float) -> NDArray[np.float64]:
@@ -105,11 +117,17 @@ def sweep_times(revolution: Revolution, distortion: float) -> NDArray[np.float64
 
 
 def azimuth_poses(
-    track: Trajectory, revolution: Revolution, *, height_m: float, distortion: float = 1.0
+    track: Trajectory,
+    revolution: Revolution,
+    *,
+    height_m: float,
+    distortion: float = 1.0,
+    attitude: float = 1.0,
 ) -> AzimuthPoses:
     """Return the motion of the antenna through one scan.
 
-    The velocity stays when `distortion` is 0, and with it the Doppler shift.
+    The velocity stays when `distortion` is 0, and with it the Doppler shift. An antenna above `TILT_CENTRE_M`
+    sways with the body.
 
     Args:
         track: Motion of the vehicle.
@@ -117,18 +135,47 @@ def azimuth_poses(
         height_m: Height of the antenna above the road [m].
         distortion: Share of the duration of the scan over which the azimuths spread; at 0 the antenna keeps
             its mid-scan pose.
+        attitude: Factor on pitch and roll.
 
     Returns:
-        Position, yaw and velocity of the antenna at each azimuth.
+        Position, attitude and velocity of the antenna at each azimuth.
     """
     times = sweep_times(revolution, distortion)
-    pose = track.pose(times)
+    pose, rate = track.pose(times), track.velocity(times)
+    tilt, tilt_rate = attitude * track.tilt(times), attitude * track.tilt_rate(times)
+    sway, sway_rate = _sway(pose[:, 3], rate[:, 3], tilt, tilt_rate, arm_m=height_m - TILT_CENTRE_M)
     return AzimuthPoses(
-        position=pose[:, :3] + [0.0, 0.0, height_m],
+        position=pose[:, :3] + [0.0, 0.0, height_m] + sway,
         yaw=pose[:, 3],
-        velocity=track.velocity(times)[:, :3],
+        tilt=tilt,
+        velocity=rate[:, :3] + sway_rate,
         azimuth_period_s=revolution.azimuth_period_s * distortion,
     )
+
+
+def _sway(
+    yaw: NDArray[np.float64],
+    yaw_rate: NDArray[np.float64],
+    tilt: NDArray[np.float64],
+    tilt_rate: NDArray[np.float64],
+    *,
+    arm_m: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return how far the end of an upright arm is moved by the tilt (A, 3) [m], and its derivative [m/s]."""
+    (sin_pitch, sin_roll), (cos_pitch, cos_roll) = np.sin(tilt).T, np.cos(tilt).T
+    pitch_rate, roll_rate = tilt_rate.T
+    ahead, right, up = -sin_pitch * cos_roll, sin_roll, cos_pitch * cos_roll - 1
+    ahead_rate = -cos_pitch * cos_roll * pitch_rate + sin_pitch * sin_roll * roll_rate
+    right_rate = cos_roll * roll_rate
+    up_rate = -sin_pitch * cos_roll * pitch_rate - cos_pitch * sin_roll * roll_rate
+    level = np.moveaxis(body_axes(yaw, np.zeros_like(tilt)), 1, 0)  # forward, right, up, each (A, 3)
+    # In a left turn the axis ahead moves to the left and the right one ahead.
+    turned = (ahead_rate + yaw_rate * right, right_rate - yaw_rate * ahead, up_rate)
+    moved, moving = (
+        arm_m * sum(part[:, None] * axis for part, axis in zip(parts, level, strict=True))
+        for parts in ((ahead, right, up), turned)
+    )
+    return moved, moving
 
 
 @dataclass(frozen=True, kw_only=True)

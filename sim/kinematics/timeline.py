@@ -79,16 +79,17 @@ class Timeline:
 
         Args:
             revolution: The times of the scan.
-            artefacts: Of which motion distortion counts.
+            artefacts: Of which motion distortion and attitude count.
 
         Returns:
-            Position, yaw and velocity at each azimuth.
+            Position, attitude and velocity at each azimuth.
         """
         return azimuth_poses(
             self._track,
             revolution,
             height_m=self._sensor.mount_height_m,
             distortion=artefacts.motion_distortion,
+            attitude=artefacts.attitude,
         )
 
     def movers(

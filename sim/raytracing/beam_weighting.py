@@ -120,9 +120,8 @@ class BeamWeighting:
 
     def _off_boresight(self, towards: "mi.Vector3f", azimuth: "mi.UInt32", poses: PoseTables) -> "mi.Float":
         """Return how far directions (N) lie to the right of the beam, -0.5 to 0.5 [revolutions]."""
-        right = mi.Float(azimuth) * self._sensor.azimuth_step_rad + self._sensor.first_azimuth_rad
-        heading = dr.gather(mi.Float, poses.yaw, azimuth) - right
-        offset = (heading - dr.atan2(towards.y, towards.x)) * (1 / (2 * math.pi))
+        beam = mi.Float(azimuth) * self._sensor.azimuth_step_rad + self._sensor.first_azimuth_rad
+        offset = (poses.bearing(towards, azimuth) - beam) * (1 / (2 * math.pi))
         return offset - dr.round(offset)
 
     def _azimuth_gain(self, offset: "mi.Float") -> "mi.Float":
@@ -145,8 +144,7 @@ class BeamWeighting:
         """
         position = dr.gather(mi.Vector3d, poses.position, paths.azimuth)
         towards = mi.Vector3f(paths.out - position)
-        bearing = dr.gather(mi.Float, poses.yaw, paths.azimuth) - dr.atan2(towards.y, towards.x)
-        bearing -= self._sensor.first_azimuth_rad
+        bearing = poses.bearing(towards, paths.azimuth) - self._sensor.first_azimuth_rad
         away = bearing / (2 * math.pi) - mi.Float(paths.azimuth) * (1 / self._sensor.azimuths)
         return mi.Int32(paths.azimuth) + mi.Int32(dr.round((away - dr.round(away)) * self._sensor.azimuths))
 

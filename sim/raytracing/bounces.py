@@ -163,9 +163,9 @@ class BounceSampler:
         self._seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
         self._texture = Texture()
 
-    def _gain_towards(self, direction: "mi.Vector3f", active: "mi.Bool") -> "mi.Float":
+    def _gain_towards(self, direction: "mi.Vector3f", axis: "mi.Vector3f", active: "mi.Bool") -> "mi.Float":
         """Return the one-way elevation gain of unit directions, looked up in even steps of the angle."""
-        step = (dr.asin(dr.clip(direction.z, -1, 1)) / math.pi + 0.5) * self._steps
+        step = (dr.asin(dr.clip(dr.dot(direction, axis), -1, 1)) / math.pi + 0.5) * self._steps
         return dr.gather(mi.Float, self._elevation, dr.minimum(mi.UInt32(step + 0.5), self._steps), active)
 
     def _reflected(self, rays: RayBatch, hits: Hits) -> "tuple[mi.Float, mi.Float, mi.Float]":
@@ -233,7 +233,9 @@ class BounceSampler:
             bounces=2 * depth - 1,
         )
 
-    def loop_returns(self, rays: RayBatch, hits: Hits, antenna: "mi.Point3d", *, depth: int) -> ReturnPaths:
+    def loop_returns(
+        self, rays: RayBatch, hits: Hits, antenna: "mi.Point3d", axis: "mi.Vector3f", *, depth: int
+    ) -> ReturnPaths:
         """Return the paths that lead from the last surface straight back to the antenna.
 
         The diffuse part of the last surface returns as much around the loop in the other direction, in phase:
@@ -243,6 +245,7 @@ class BounceSampler:
             rays: Rays (N) that met something.
             hits: What they met (N).
             antenna: Position of the antenna for each ray (N) [m].
+            axis: Unit vector along the axis of the antenna for each ray (N).
             depth: Number of surfaces on the outward path.
 
         Returns:
@@ -259,7 +262,7 @@ class BounceSampler:
         lobe = self._surfaces.mirror_lobe(hits.material, cos_half, cosine, cos_out, active)
         cosines = (cosine, cos_out, mi.Float(-dr.dot(rays.direction, towards)))
         brdf = share * lobe + self._surfaces.diffuse_lobe(4 * (1 - share), hits.material, cosines, active)
-        gains = rays.gain * self._gain_towards(mi.Vector3f(-towards), active)
+        gains = rays.gain * self._gain_towards(mi.Vector3f(-towards), axis, active)
         received = self._link * gains * rays.weight * power * brdf * cos_out
         received /= dr.square(mi.Float(length)) * rays.density
         unfolded = rays.travelled + hits.distance

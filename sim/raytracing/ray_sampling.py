@@ -191,7 +191,7 @@ class PrimaryRays:
         self._in_beam = (elevation > low) & (elevation < high)
 
     def rays(self, poses: PoseTables) -> RayBatch:
-        """Send the rays from the antenna positions of a scan, along its headings.
+        """Send the rays from the antenna positions of a scan, in the frame of the tilted antenna.
 
         Args:
             poses: The antenna in the scan.
@@ -200,13 +200,8 @@ class PrimaryRays:
             All primary rays (azimuths x rays).
         """
         azimuth = self._azimuth
-        cosine = dr.gather(mi.Float64, poses.cos_yaw, azimuth)
-        sine = dr.gather(mi.Float64, poses.sin_yaw, azimuth)
-        # Azimuth is clockwise from ahead: the right-hand component points right of the heading.
-        x = cosine * self._forward + sine * self._right
-        y = sine * self._forward - cosine * self._right
         origin = mi.Point3d(dr.gather(mi.Vector3d, poses.position, azimuth))
-        direction = mi.Vector3d(x, y, self._up)
+        direction = poses.in_world(mi.Vector3d(self._forward, self._right, self._up), azimuth)
         count = dr.width(azimuth)
         return RayBatch(
             origin=origin,

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from echoscape.sim.kinematics.rolling_scan import AzimuthPoses, MoverStates, Revolution
-from echoscape.sim.numerics.angles import principal_angle
 from echoscape.sim.raytracing.intersection import RayScene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.mitsuba_scene import MitsubaScene
@@ -18,18 +17,59 @@ class PoseTables:
     Attributes:
         position: Positions (3 A,) double, x, y, z of each azimuth in turn [m].
         velocity: Velocities (3 A,) single, likewise [m/s].
-        yaw: Headings (A,) single, -pi to pi [rad].
-        cos_yaw: Cosines of the headings (A,) double.
-        sin_yaw: Sines of the headings (A,) double.
+        forward: Unit vectors straight ahead (3 A,) double, likewise.
+        right: Unit vectors to the right (3 A,) double, likewise.
+        up: Unit vectors along the axis of the antenna (3 A,) double, likewise.
         azimuth_period_s: Time from one azimuth to the next (1,) [s].
     """
 
     position: "mi.Float64"
     velocity: "mi.Float"
-    yaw: "mi.Float"
-    cos_yaw: "mi.Float64"
-    sin_yaw: "mi.Float64"
+    forward: "mi.Float64"
+    right: "mi.Float64"
+    up: "mi.Float64"
     azimuth_period_s: "mi.Float"
+
+    def in_world(self, direction: "mi.Vector3d", azimuth: "mi.UInt32") -> "mi.Vector3d":
+        """Turn directions from the frame of the antenna into the world.
+
+        Args:
+            direction: Components ahead, to the right and up (N).
+            azimuth: Azimuth at which each is seen (N).
+
+        Returns:
+            The same directions in the world (N).
+        """
+        forward, right, up = (
+            dr.gather(mi.Vector3d, axis, azimuth) for axis in (self.forward, self.right, self.up)
+        )
+        return forward * direction.x + right * direction.y + up * direction.z
+
+    def bearing(self, direction: "mi.Vector3f", azimuth: "mi.UInt32") -> "mi.Float":
+        """Return the angle of directions about the axis of the antenna, clockwise from straight ahead.
+
+        Args:
+            direction: Directions in the world (N).
+            azimuth: Azimuth at which each is seen (N).
+
+        Returns:
+            Angles (N), -pi to pi [rad].
+        """
+        forward, right = (
+            mi.Vector3f(dr.gather(mi.Vector3d, axis, azimuth)) for axis in (self.forward, self.right)
+        )
+        return dr.atan2(dr.dot(direction, right), dr.dot(direction, forward))
+
+    def axis(self, azimuth: "mi.UInt32") -> "mi.Vector3f":
+        """Return the axis about which the antenna rotates.
+
+        Args:
+            azimuth: Azimuths (N).
+
+        Returns:
+            Unit vectors in the world (N).
+        """
+        return mi.Vector3f(dr.gather(mi.Vector3d, self.up, azimuth))
 
 
 def pose_tables(poses: AzimuthPoses) -> PoseTables:
@@ -44,9 +84,9 @@ def pose_tables(poses: AzimuthPoses) -> PoseTables:
     return PoseTables(
         position=mi.Float64(poses.position.ravel()),
         velocity=mi.Float(poses.velocity.astype(np.float32).ravel()),
-        yaw=mi.Float(principal_angle(poses.yaw).astype(np.float32)),
-        cos_yaw=mi.Float64(np.cos(poses.yaw)),
-        sin_yaw=mi.Float64(np.sin(poses.yaw)),
+        forward=mi.Float64(poses.axes[:, 0].ravel()),
+        right=mi.Float64(poses.axes[:, 1].ravel()),
+        up=mi.Float64(poses.axes[:, 2].ravel()),
         # The time between azimuths only enters through the motion of the objects.
         azimuth_period_s=dr.opaque(mi.Float, poses.azimuth_period_s),
     )

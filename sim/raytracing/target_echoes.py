@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.core.attitude import bearing_and_elevation
 from echoscape.scenes.core.materials import MATERIAL_NAMES, MATERIALS
 from echoscape.scenes.core.targets import PlacedTarget, Target
 from echoscape.sim.echoes import Returns
@@ -120,8 +121,7 @@ class TargetEchoes:
     def _view(self, target: Target, poses: AzimuthPoses) -> _View:
         away = np.array(target.position_m) - poses.position
         range_m = np.maximum(np.linalg.norm(away, axis=1), 1e-3)
-        beam = poses.yaw - self._azimuth_rad
-        offset = principal_angle(beam - np.arctan2(away[:, 1], away[:, 0]))
+        offset = principal_angle(bearing_and_elevation(poses.axes, away)[0] - self._azimuth_rad)
         closing = np.einsum("ak,ak->a", poses.velocity, away) / range_m
         return _View(range_m=range_m, offset_rad=offset, closing_mps=closing)
 
@@ -192,15 +192,13 @@ class TargetEchoes:
     ) -> NDArray[np.float64]:
         """Return the one-way amplitude gain (S,) towards points (S, 3) [m], peak about 1."""
         away = points - poses.position[azimuth]
-        elevation = np.arctan2(away[:, 2], np.hypot(away[:, 0], away[:, 1]))
+        bearing, elevation = bearing_and_elevation(poses.axes[azimuth], away)
         tilt = math.radians(self._sensor.mount_tilt_deg)
         antenna = self._antenna
         gain = np.sqrt(np.interp(elevation - tilt, antenna.elevation_grid_rad, antenna.elevation_one_way))
         if not weighted:
             return gain
-        beam = poses.yaw[azimuth] - self._azimuth_rad[azimuth]
-        offset = beam - np.arctan2(away[:, 1], away[:, 0])
-        return gain * self._azimuth_gain(offset) ** 0.25
+        return gain * self._azimuth_gain(bearing - self._azimuth_rad[azimuth]) ** 0.25
 
     def _azimuth_gain(self, offset_rad: NDArray | float) -> NDArray[np.float64]:
         """Return the two-way azimuth power gain at offsets [rad]."""

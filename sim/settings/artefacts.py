@@ -46,6 +46,8 @@ class Artefacts:
     motion_distortion: float = 1.0
     """Share of a revolution over which its azimuths spread; 0: all from the pose at mid-scan [s/s, 0 to 1].
     Time stamps and true poses stay those of the drive."""
+    attitude: float = 1.0
+    """Pitch and roll of the car body relative to those of its drive [rad/rad, 0 to 5]; 0: it stays level."""
     doppler: float | None = None
     """Shift in range by radial speed [m per m/s]; by default the sensor's own, 0.049 m per m/s for the
     CTS350-X."""
@@ -121,6 +123,7 @@ _MOST = {
     "speckle": 1.0,
     "quantisation": 0.5,
     "motion_distortion": 1.0,
+    "attitude": 5.0,
     "movers": 1.0,
     "rain": MOST_MM_H,
 }
@@ -139,6 +142,7 @@ class Strengths:
     leakage: float
     quantisation: float
     motion_distortion: float
+    attitude: float
     doppler: float
     movers: float
     rain: float

@@ -145,7 +145,11 @@ def test_energy_of_a_crossing(law: LawRecorder) -> None:
 def test_friis(law: LawRecorder) -> None:
     rows = CTS350X.azimuths
     poses = AzimuthPoses(
-        position=np.zeros((rows, 3)), yaw=np.zeros(rows), velocity=np.zeros((rows, 3)), azimuth_period_s=0.0
+        position=np.zeros((rows, 3)),
+        yaw=np.zeros(rows),
+        tilt=np.zeros((rows, 2)),
+        velocity=np.zeros((rows, 3)),
+        azimuth_period_s=0.0,
     )
     place = np.tile([50.0, 0.0, 0.0], (rows, 1))
     share = received_share(place, np.full(rows, math.pi), poses, CTS350X, Antenna(CTS350X))

@@ -120,6 +120,7 @@ def share_of(place: list[float], yaw: float, sensor: Sensor = CTS350X) -> NDArra
     poses = AzimuthPoses(
         position=np.zeros((azimuths, 3)),
         yaw=np.zeros(azimuths),
+        tilt=np.zeros((azimuths, 2)),
         velocity=np.zeros((azimuths, 3)),
         azimuth_period_s=625e-6,
     )

@@ -1,7 +1,5 @@
 """The state of a scan: what other moving objects in reach leave as it is, and that beams keep none of it."""
 
-import math
-
 import numpy as np
 
 from echoscape.sim.kinematics.rolling_scan import Revolution
@@ -44,14 +42,15 @@ def test_other_movers_leave_times_and_poses() -> None:
     assert wider.pose_tables is state.pose_tables
 
 
-def test_tables_are_the_poses_with_the_heading_wrapped() -> None:
+def test_tables_are_the_poses_of_the_antenna() -> None:
     state = state_of(simulator(), 3)
     tables, poses = state.pose_tables, state.poses
     np.testing.assert_array_equal(tables.position.numpy().reshape(-1, 3), poses.position)
-    wrapped = tables.yaw.numpy().astype(np.float64)
-    assert np.abs(wrapped).max() <= math.pi
-    np.testing.assert_allclose(np.cos(wrapped), tables.cos_yaw.numpy(), atol=1e-6)
-    np.testing.assert_allclose(np.sin(poses.yaw), tables.sin_yaw.numpy(), atol=1e-12)
+    forward, right, up = (axis.numpy().reshape(-1, 3).T for axis in (tables.forward, tables.right, tables.up))
+    level = np.zeros_like(poses.yaw)
+    np.testing.assert_allclose(forward, [np.cos(poses.yaw), np.sin(poses.yaw), level], atol=1e-15)
+    np.testing.assert_allclose(right, [np.sin(poses.yaw), -np.cos(poses.yaw), level], atol=1e-15)
+    np.testing.assert_array_equal(up, [level, level, level + 1])
     assert isinstance(state.revolution, Revolution)
 
 
