@@ -36,6 +36,9 @@ class CellTruth(ArrayRecord):
         class_id: Its class, 0 where no single object dominates, uint8.
         bounces: Surfaces that its path met, 0 where no single object dominates, uint8.
         moving: Whether the object is a mover, bool.
+        displaced: Whether the cell's strongest echo came over several surfaces and shows none of them in its
+            place: not within two range resolution cells and a beam width, bool; None in data sets written
+            before it was known.
     """
 
     component: NDArray[np.uint8]
@@ -43,11 +46,14 @@ class CellTruth(ArrayRecord):
     class_id: NDArray[np.uint8]
     bounces: NDArray[np.uint8]
     moving: NDArray[np.bool_]
+    displaced: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MoverBoxes(ArrayRecord):
-    """Boxes of the M movers near the radar at mid-scan, in the world frame.
+    """Boxes of the M movers near the radar in the world frame, at mid-scan and when the beam meets them.
+
+    Those at the time of a row are None in data sets written before they were known.
 
     Attributes:
         instance: Instance ids (M,) uint32.
@@ -56,6 +62,9 @@ class MoverBoxes(ArrayRecord):
         extent: Length, width and height (M, 3) [m].
         yaw: Headings (M,) [rad], counter-clockwise.
         velocity: Velocities (M, 3) [m/s].
+        row: Azimuth whose beam, at its own time, points nearest to the centre (M,) int32.
+        row_centre: Centres of the boxes at the time of that azimuth (M, 3) [m].
+        row_yaw: Headings at that time (M,) [rad].
     """
 
     instance: NDArray[np.uint32]
@@ -64,6 +73,9 @@ class MoverBoxes(ArrayRecord):
     extent: NDArray[np.float64]
     yaw: NDArray[np.float64]
     velocity: NDArray[np.float64]
+    row: NDArray[np.int32] | None = None
+    row_centre: NDArray[np.float64] | None = None
+    row_yaw: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,7 +90,7 @@ class ScanTruth(ArrayRecord):
         saturated: Whether the converter clipped at each azimuth (azimuths,) bool.
         first_obstacle_m: Distance to the first object in the beam that is not ground (azimuths,) float32 [m],
             inf where there is none.
-        boxes: Movers near the radar at mid-scan.
+        boxes: Movers near the radar.
     """
 
     cells: CellTruth
@@ -94,7 +106,7 @@ class ScanTruth(ArrayRecord):
 class PolarScan(ArrayRecord):
     """A scan as the sensor writes it, with its truth where that is known.
 
-    Azimuth i looks along 2 pi i / azimuths, clockwise from straight ahead; bin k is centred at
+    Azimuth i looks along `azimuth_rad[i]`, clockwise from straight ahead; bin k is centred at
     (k + 1/2) bin_m.
 
     Attributes:
@@ -123,7 +135,19 @@ class PolarScan(ArrayRecord):
     def azimuth_rad(self) -> NDArray[np.float64]:
         """Azimuths by the encoder, as public loaders take them (azimuths,) [rad].
 
-        They differ from 2 pi i / azimuths by a constant, the encoder's first count: 13 is the end of the 14
-        counts that an azimuth takes, 7 their middle. They jump where a real scan lacks azimuths.
+        They jump where a real scan lacks azimuths.
         """
         return self.encoder.astype(np.float64) * (2 * np.pi / self.encoder_per_turn)
+
+    @property
+    def first_azimuth_rad(self) -> float:
+        """Direction of the first azimuth by its encoder count [rad]; the others follow at even steps.
+
+        Ahead in a scan whose encoder columns are empty.
+        """
+        return float(self.azimuth_rad[0])
+
+    @property
+    def seam_rad(self) -> float:
+        """Azimuth at which the revolution begins and ends, half a step before the first azimuth [rad]."""
+        return self.first_azimuth_rad - np.pi / len(self.encoder)

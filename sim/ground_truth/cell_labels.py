@@ -13,7 +13,8 @@ from echoscape.scenes.core.scene import CLASSES
 from echoscape.sim.datasets.polar_scan import CellTruth, Component, MoverBoxes
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.ground_truth.dominant_echo import DominantEchoes, DominantEchoIndex
-from echoscape.sim.kinematics.rolling_scan import MoverStates
+from echoscape.sim.kinematics.rolling_scan import AzimuthPoses, MoverStates
+from echoscape.sim.numerics.angles import principal_angle
 from echoscape.sim.receiver.front_end import PART_STEP, leakage_grid
 from echoscape.sim.receiver.if_signal import BIN_CENTRE, beat, sample_times, spectrum, sweep_ripple
 from echoscape.sim.receiver.quantiser import LEAST_POWER
@@ -27,11 +28,13 @@ EXPLAINED = 0.1
 explain it: speckle adds them in any phase, so a cell may hold much more or less."""
 
 
-def mover_boxes(states: MoverStates) -> MoverBoxes:
-    """Return the boxes of the moving objects of a scan at its middle azimuth.
+def mover_boxes(states: MoverStates, poses: AzimuthPoses, sensor: Sensor) -> MoverBoxes:
+    """Return the boxes of the moving objects of a scan, at its middle azimuth and when the beam meets them.
 
     Args:
         states: The moving objects in reach, at each azimuth.
+        poses: The antenna at each azimuth.
+        sensor: The radar, which gives the direction of each azimuth.
 
     Returns:
         Their boxes in the world frame.
@@ -40,14 +43,37 @@ def mover_boxes(states: MoverStates) -> MoverBoxes:
     prototypes = [mover.prototype for mover in states.movers]
     extent = np.array([prototype.extent_m for prototype in prototypes], np.float64).reshape(-1, 3)
     state, rate = states.state[:, middle], states.rate[:, middle]
+    row = meeting_azimuth(states.state[..., :2], poses, sensor)
+    met = states.state[np.arange(len(row)), row]
+    lift = extent * [0.0, 0.0, 0.5]
     return MoverBoxes(
         instance=np.array([mover.instance for mover in states.movers], np.uint32),
         class_id=np.array([CLASSES.index(prototype.class_name) for prototype in prototypes], np.uint8),
-        centre=state[:, :3] + extent * [0.0, 0.0, 0.5],
+        centre=state[:, :3] + lift,
         extent=extent,
         yaw=state[:, 3].copy(),
         velocity=rate[:, :3].copy(),
+        row=row.astype(np.int32),
+        row_centre=met[:, :3] + lift,
+        row_yaw=met[:, 3].copy(),
     )
+
+
+def meeting_azimuth(position: NDArray[np.float64], poses: AzimuthPoses, sensor: Sensor) -> NDArray[np.intp]:
+    """Return the azimuth that points nearest to each of M moving points at the azimuth's own time.
+
+    Args:
+        position: x, y of the points at each azimuth (M, azimuths, 2) [m].
+        poses: The antenna at each azimuth.
+        sensor: The radar, which gives the direction of each azimuth.
+
+    Returns:
+        Numbers of the azimuths (M,); of several as near, the first.
+    """
+    away = position - poses.position[:, :2]
+    beam = poses.yaw - sensor.azimuth_rad
+    offset = principal_angle(np.arctan2(away[..., 1], away[..., 0]) - beam)
+    return np.argmin(np.abs(offset), axis=1)
 
 
 def _spread_shape(sensor: Sensor, floor: float) -> NDArray[np.float32]:
@@ -107,7 +133,7 @@ class CellLabeller:
             rain_w: Mean power of rain on the grid (azimuths, fft_size / 2) [W]; None without rain.
 
         Returns:
-            Component, object and bounce order of each cell (azimuths, bins).
+            Component, object, bounce order and displacement of each cell (azimuths, bins).
         """
         component = self._largest(received)
         cells = np.flatnonzero(component == Component.DIRECT)
@@ -174,21 +200,20 @@ class CellLabeller:
         """Return the labels with the objects of the given cells filled in."""
         size, shape = component.size, component.shape
         instance = np.zeros(size, np.uint32)
-        class_id, bounces, moving = (
-            np.zeros(size, np.uint8),
-            np.zeros(size, np.uint8),
-            np.zeros(size, np.bool_),
-        )
+        class_id, bounces = np.zeros(size, np.uint8), np.zeros(size, np.uint8)
+        moving, displaced = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
         instance[cells] = echoes.returns.instance[source]
         class_id[cells] = self._classes[echoes.returns.instance[source]]
         bounces[cells] = echoes.returns.bounces[source]
         moving[cells] = echoes.returns.moving[source]
+        displaced[cells] = echoes.returns.displaced[source]
         return CellTruth(
             component=component,
             instance=instance.reshape(shape),
             class_id=class_id.reshape(shape),
             bounces=bounces.reshape(shape),
             moving=moving.reshape(shape),
+            displaced=displaced.reshape(shape),
         )
 
 
@@ -208,4 +233,5 @@ def _by_bin(steps: CellTruth, *, written: NDArray[np.bool_]) -> CellTruth:
         class_id=widened(steps.class_id),
         bounces=widened(steps.bounces),
         moving=widened(steps.moving),
+        displaced=None if steps.displaced is None else widened(steps.displaced),
     )

@@ -19,6 +19,7 @@ def drawn_scan(*, seed: int = 1, movers: int = 2, sensor: Sensor = CTS350X) -> P
         class_id=rng.integers(0, 20, shape, np.uint8),
         bounces=rng.integers(0, 4, shape, np.uint8),
         moving=rng.random(shape) < 0.1,
+        displaced=rng.random(shape) < 0.1,
     )
     boxes = MoverBoxes(
         instance=np.arange(movers, dtype=np.uint32),
@@ -27,6 +28,9 @@ def drawn_scan(*, seed: int = 1, movers: int = 2, sensor: Sensor = CTS350X) -> P
         extent=rng.uniform(1, 5, (movers, 3)),
         yaw=rng.normal(size=movers),
         velocity=rng.normal(size=(movers, 3)),
+        row=rng.integers(0, sensor.azimuths, movers, np.int32),
+        row_centre=rng.normal(size=(movers, 3)),
+        row_yaw=rng.normal(size=movers),
     )
     truth = ScanTruth(
         cells=cells,

@@ -51,19 +51,22 @@ def ends_as_archive(path: Path) -> bool:
         return False
 
 
-def read_archive(path: Path, names: tuple[str, ...], *, kind: str) -> dict[str, NDArray]:
+def read_archive(
+    path: Path, names: tuple[str, ...], *, kind: str, optional: tuple[str, ...] = ()
+) -> dict[str, NDArray]:
     """Read some arrays of an archive; the others are not decompressed.
 
     Args:
         path: The file.
         names: Names of the arrays.
         kind: What the file is called in messages.
+        optional: Names of arrays that the archive may lack.
 
     Returns:
         The arrays by name.
 
     Raises:
-        DatasetError: The file is absent, damaged, or lacks an array; the message names it and `kind`.
+        DatasetError: The file is absent, damaged, or lacks an array of `names`; the message names it and `kind`.
     """
     if not path.is_file():
         raise DatasetError(f"{path}: no such {kind}")
@@ -72,7 +75,8 @@ def read_archive(path: Path, names: tuple[str, ...], *, kind: str) -> dict[str, 
             lacking = [name for name in names if name not in archive]
             if lacking:
                 raise DatasetError(f"{path}: a {kind} without {', '.join(lacking)}")
-            return {name: archive[name] for name in names}
+            present = (*names, *(name for name in optional if name in archive))
+            return {name: archive[name] for name in present}
     except DatasetError:
         raise
     except (OSError, ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:

@@ -131,11 +131,12 @@ def test_loop_over_two_distant_surfaces_is_displaced() -> None:
     assert echoes.displaced[loop].all()
 
 
-def test_plate_close_to_a_mirror_is_seen_in_place_by_way_of_it() -> None:
-    # 0.1 m in front of the wall, its image lies 0.2 m behind: within the two cells of both.
+def test_ledge_on_a_mirror_is_seen_in_its_place() -> None:
+    # A ledge of 0.3 m stands out of the wall: both paths over wall and ledge show the corner between them.
     wall = plate([30.0, 0, 5.0], [-1, 0], 200.0, 10.0)
-    poster = plate([29.9, 8.0, HEIGHT_M], [1, 0], 1.0, 1.0)
-    echoes = traced(world(("metal", "wall", wall), ("soil", "car", poster)))
-    over_both = (echoes.bounces > 1) & (echoes.instance == 2) & ~echoes.sidelobe
-    if over_both.any():
-        assert not echoes.displaced[over_both].any()
+    ledge = plate([29.85, 8.0, HEIGHT_M], [0, -1], 0.3, 2.0)
+    echoes = traced(world(("metal", "wall", wall), ("soil", "car", ledge)))
+    corner = of(echoes, 2, 1, 2) | of(echoes, 3, 1, 2)
+    assert corner.sum() > 30
+    assert echoes.range_m[corner] == pytest.approx(math.hypot(30.0, 8.0), abs=0.4)
+    assert not echoes.displaced[corner].any()

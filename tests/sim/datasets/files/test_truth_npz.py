@@ -85,3 +85,25 @@ def test_truth_that_lacks_arrays_is_refused_by_name(tmp_path: Path) -> None:
     np.savez(tmp_path / "poor.npz", component=np.zeros((2, 2), np.uint8))
     with pytest.raises(DatasetError, match=r"poor\.npz: a truth file without instance"):
         read_truth(tmp_path / "poor.npz")
+
+
+def test_older_truth_opens_with_none_for_what_it_lacks(tmp_path: Path) -> None:
+    truth = _truth()
+    older = replace(
+        truth,
+        cells=replace(truth.cells, displaced=None),
+        boxes=replace(truth.boxes, row=None, row_centre=None, row_yaw=None),
+    )
+    write_truth(tmp_path / "older.npz", older)
+    with np.load(tmp_path / "older.npz") as arrays:
+        assert set(NAMES) - set(arrays.files) == {"displaced", "box_row", "box_row_centre", "box_row_yaw"}
+    assert read_truth(tmp_path / "older.npz") == older
+
+
+def test_flag_of_another_shape_is_refused_by_name(tmp_path: Path) -> None:
+    truth = _truth()
+    assert truth.cells.displaced is not None
+    cut = replace(truth, cells=replace(truth.cells, displaced=truth.cells.displaced[:, :-1]))
+    write_truth(tmp_path / "cut.npz", cut)
+    with pytest.raises(DatasetError, match=r"cut\.npz: displaced has shape"):
+        read_truth(tmp_path / "cut.npz")
