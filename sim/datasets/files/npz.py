@@ -66,7 +66,7 @@ def read_archive(
         The arrays by name.
 
     Raises:
-        DatasetError: The file is absent, damaged, or lacks an array of `names`; the message names it and `kind`.
+        DatasetError: The file is absent, damaged, or lacks one of `names`; the message names it and `kind`.
     """
     if not path.is_file():
         raise DatasetError(f"{path}: no such {kind}")

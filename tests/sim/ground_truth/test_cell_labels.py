@@ -156,3 +156,79 @@ def test_each_artefact_changes_something(yard: Scene, name: str) -> None:
         for a in (Artefacts(), replace(Artefacts(), **{name: False}))
     )
     assert not np.array_equal(full.codes, without.codes)
+
+
+def beyond_box(scan: PolarScan, centre: np.ndarray, yaw: float, extent: np.ndarray) -> np.ndarray:
+    """How far the strong direct cells of mover 2 lie outside a box [m]; radar at the origin, heading 0."""
+    truth = cells(scan)
+    shown = (truth.instance == 2) & (truth.bounces == 1) & (truth.component == Component.DIRECT)
+    azimuth, bins = np.nonzero(shown & (scan.codes > scan.codes[shown].max() - 24.0))  # 12 dB below the peak
+    angle, range_m = -scan.encoder[azimuth].astype(float) * (2 * np.pi / 5600), (bins + 0.5) * scan.bin_m
+    away = np.stack([range_m * np.cos(angle), range_m * np.sin(angle)]) - centre[:2, None]
+    turned = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]]) @ away
+    outside = np.maximum(np.abs(turned) - extent[:2, None] / 2, 0)
+    assert len(bins) > 30
+    return np.hypot(*outside)
+
+
+@pytest.mark.parametrize("start", [(24.0, -8.0), (24.0, 8.0)])
+@pytest.mark.parametrize("velocity", [(15.0, 0.0), (-15.0, 0.0), (0.0, 15.0), (0.0, -15.0)])
+def test_echoes_of_a_mover_lie_in_its_box_at_the_time_of_their_row(
+    start: tuple[float, float], velocity: tuple[float, float]
+) -> None:
+    # Met at the start of the scan or at its end, 1.6 m and more from where it is in the middle.
+    box = box_prototype("box", (0.8, 0.8, 2.0), "soil")
+    scan = scanned(
+        world(), replace(ONLY_ECHOES, doppler=False), (mover(2, box, straight(list(start), list(velocity))),)
+    )
+    assert scan.truth is not None
+    boxes = scan.truth.boxes
+    assert boxes.row is not None
+    assert boxes.row_centre is not None
+    assert boxes.row_yaw is not None
+    # The place at the time of the row, by hand: nearest in direction among all places along its track.
+    times = STEADY.azimuth_period_s * np.arange(400)
+    track = np.array(start) + times[:, None] * np.array(velocity)
+    looks = -2 * np.pi * (13 + 14 * np.arange(400)) / 5600
+    aside = np.abs(np.angle(np.exp(1j * (np.arctan2(track[:, 1], track[:, 0]) - looks))))
+    assert boxes.row[0] == np.argmin(aside)
+    np.testing.assert_allclose(boxes.row_centre[0], [*track[boxes.row[0]], 1.0], atol=1e-6)
+    # 12 dB below the peak lie a beam width of 1.1 deg and a resolution cell beside a point.
+    in_row = beyond_box(scan, boxes.row_centre[0], boxes.row_yaw[0], boxes.extent[0])
+    in_middle = beyond_box(scan, boxes.centre[0], boxes.yaw[0], boxes.extent[0])
+    assert in_row.max() < np.radians(1.1) * 25 + STEADY.resolution_m
+    assert np.median(in_middle) > 0.9
+
+
+def test_row_of_a_box_follows_the_turning_car() -> None:
+    # A car that turns left by 0.5 rad/s sweeps the right side faster: pi/2 + 0.5 t = 2 pi t / T there.
+    ride = straight([0.0, 0.0], [0.0, 0.0], yaw=0.0)
+    trajectory = replace(
+        ride.trajectory,
+        state=ride.trajectory.state + np.array([[0.0] * 4, [0, 0, 0, 50.0]]),
+        rate=ride.trajectory.rate + np.array([0, 0, 0, 0.5]),
+    )
+    box = box_prototype("box", (4.0, 2.0, 2.0), "soil")
+    parked = mover(2, box, straight([0.0, -25.0], [0.0, 0.0], yaw=0.0))
+    scan = scanned(world(), ONLY_ECHOES, (parked,), Ride(trajectory))
+    assert scan.truth is not None
+    assert scan.truth.boxes.row is not None
+    time = (np.pi / 2 - 2 * np.pi * 13 / 5600) / (2 * np.pi / 0.25 - 0.5)
+    assert scan.truth.boxes.row[0] == pytest.approx(time / STEADY.azimuth_period_s, abs=0.51)
+
+
+def test_flag_displaced_tells_ghosts_in_empty_space_from_double_bounces_in_place(yard: Scene) -> None:
+    truth = cells(scanned(yard, ONLY_ECHOES))
+    assert truth.displaced is not None
+    ghost = truth.component == Component.GHOST
+    assert not truth.displaced[truth.bounces <= 1].any()
+    azimuths, bins = np.nonzero(ghost & (truth.bounces > 1))
+    range_m, shift = (bins + 0.5) * 0.0432, truth.displaced[azimuths, bins]
+    # Along the wall at x = 30 double bounces lie in place; 2 m and more behind it nothing does.
+    ahead = range_m * np.cos(2 * np.pi * (13 + 14 * azimuths) / 5600)
+    in_reach = np.abs(np.cos(2 * np.pi * (13 + 14 * azimuths) / 5600)) > 0.5
+    assert (in_reach & (ahead > 33)).sum() > 50
+    assert shift[in_reach & (ahead > 33)].mean() > 0.9
+    at_wall = in_reach & (np.abs(ahead - 30) < 0.4)
+    assert at_wall.sum() > 50
+    assert shift[at_wall].mean() < 0.1
