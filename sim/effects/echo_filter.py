@@ -38,6 +38,8 @@ class EchoFilter:
         components: Components by number or name, kept as numbers.
         instances: Instance ids of objects, of any surface on the path.
         classes: Names of classes of objects, of any surface on the path.
+        displaced: Whether echoes that show none of the surfaces on their path are selected (True) or all
+            others (False); None selects both.
         last_only: Whether instances and classes refer to the last surface alone.
     """
 
@@ -45,19 +47,22 @@ class EchoFilter:
     components: tuple[Component | str, ...] | None = None
     instances: tuple[int, ...] | None = None
     classes: tuple[str, ...] | None = None
+    displaced: bool | None = None
     last_only: bool = False
 
     def __post_init__(self) -> None:
         """Check every condition; the error names it."""
         given = {name: getattr(self, name) for name in ("bounces", "components", "instances", "classes")}
-        if all(values is None for values in given.values()):
-            raise ValueError("a filter needs bounces, components, instances or classes")
+        if all(values is None for values in (*given.values(), self.displaced)):
+            raise ValueError("a filter needs bounces, components, instances, classes or displaced")
         for name, values in given.items():
             if values is not None:
                 object.__setattr__(self, name, _checked(name, values))
+        if not isinstance(self.displaced, bool | None):
+            raise ValueError(f"displaced must be True, False or None, got {self.displaced!r}")
         if not isinstance(self.last_only, bool):
             raise ValueError(f"last_only must be True or False, got {self.last_only!r}")
-        others = (self.bounces, self.instances, self.classes)
+        others = (self.bounces, self.instances, self.classes, self.displaced)
         if self.receiver_components and any(each is not None for each in others):
             raise ValueError(
                 "noise, leakage, spoke, rain and interference are no echoes: they have no bounces or class"
@@ -87,6 +92,8 @@ class EchoFilter:
         named = np.full(len(returns.bounces), True)
         if self.bounces is not None:
             named &= np.isin(returns.bounces, self.bounces)
+        if self.displaced is not None:
+            named &= returns.displaced == self.displaced
         surfaces = returns.instance[:, None] if self.last_only else returns.surfaces
         if self.instances is not None:
             named &= np.isin(surfaces, self.instances).any(axis=1)

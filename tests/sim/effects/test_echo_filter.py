@@ -147,6 +147,20 @@ def test_only_and_without_part_the_echoes(traced: Echoes, whole: Simulator) -> N
     assert not np.isin(nothing.truth.cells.component, [Component.DIRECT, Component.GHOST]).any()
 
 
+def test_displaced_echoes_are_left_out_or_kept_by_their_flag(whole: Simulator, traced: Echoes) -> None:
+    chosen, others = (
+        EchoFilter(displaced=flag).matches(traced, whole.instance_class) for flag in (True, False)
+    )
+    np.testing.assert_array_equal(chosen, traced.displaced)
+    np.testing.assert_array_equal(others, ~chosen)
+    assert 0 < chosen.sum() < (traced.bounces > 1).sum()  # ghosts, but not all paths of several bounces
+    truth = whole.scan(0, echoes=traced, without=EchoFilter(displaced=True)).truth
+    assert truth is not None
+    assert truth.cells.displaced is not None
+    assert not truth.cells.displaced.any()
+    assert (truth.cells.component == Component.GHOST).any()
+
+
 def test_removed_object_leaves_no_trace(street: Scene, movers: tuple[Mover, ...]) -> None:
     town, left = remove_instances(street, movers, {VAN})
     assert left == ()
@@ -194,6 +208,8 @@ def test_static_things_and_targets_can_be_removed(street: Scene) -> None:
         ({"instances": (-3,)}, "instances must be whole numbers of 1 or more, got -3"),
         ({"instances": (math.nan,)}, "instances must be whole numbers of 1 or more, got nan"),
         ({"instances": "7"}, "instances must be a tuple, got '7'"),
+        ({"displaced": 1}, "displaced must be True, False or None, got 1"),
+        ({"displaced": True, "components": ("noise",)}, "are no echoes"),
         ({"bounces": (1,), "last_only": "yes"}, "last_only must be True or False, got 'yes'"),
     ],
 )
