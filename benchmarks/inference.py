@@ -49,7 +49,7 @@ def measure(label: str, size: int, config: MatcherConfig, repeats: int) -> None:
     scan, projector = _scan(codes, bin_m), Projector(image, len(codes))
     features = matcher.features(scan)
     parts = {
-        "image": lambda: projector.image(range_cells(codes, bin_m, image)),
+        "image": lambda: projector.image(range_cells(codes, bin_m, image), first_rad=0.0),
         "image and features": lambda: matcher.features(scan),
         "pair": lambda: matcher.estimate(features, features),
     }

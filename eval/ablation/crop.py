@@ -3,6 +3,7 @@
 It maximises the change of level, smoothed over the size of the part, of the cells that the artefact concerns.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,13 +29,15 @@ class Part:
     Attributes:
         forward_m: Centre of the square, ahead of the car [m].
         right_m: Centre of the square, to the right [m].
-        azimuth: First azimuth of a polar part.
+        azimuth: Number of the first azimuth of a polar part.
+        edges_rad: Azimuths at which a polar part begins and ends, clockwise from ahead [rad].
         span_m: Side of the square, or range up to which a polar part reaches [m].
     """
 
     forward_m: float = 0.0
     right_m: float = 0.0
     azimuth: int = 0
+    edges_rad: tuple[float, float] = (0.0, 0.0)
     span_m: float
 
 
@@ -53,8 +56,11 @@ def most_changed(found: CaseScans) -> Part:
         change = np.abs(levels_db(last) - levels_db(first))
         bins = min(round(span_m / bin_m), change.shape[1])
         by_azimuth = gaussian_filter1d(change[:, :bins].mean(axis=1), AZIMUTHS / 4, mode="wrap")
-        middle = int(np.argmax(by_azimuth))
-        return Part(azimuth=(middle - min(AZIMUTHS, len(change)) // 2) % len(change), span_m=bins * bin_m)
+        count = min(AZIMUTHS, len(change))
+        azimuth = (int(np.argmax(by_azimuth)) - count // 2) % len(change)
+        step_rad = 2 * math.pi / len(change)
+        edges_rad = (first.seam_rad + azimuth * step_rad, first.seam_rad + (azimuth + count) * step_rad)
+        return Part(azimuth=azimuth, edges_rad=edges_rad, span_m=bins * bin_m)
     forward, right = _most_changed_above(first, last, span_m, region_cells(last, found.case.region))
     return Part(forward_m=forward, right_m=right, span_m=span_m)
 
@@ -86,7 +92,9 @@ def _most_changed_above(
     search_m = min(range_m, 1.5 * span_m)
     size = round(2 * search_m / _SEARCH_M)
     by_cell = np.abs(levels_db(last) - levels_db(first)) * cells
-    change = polar_to_cartesian(by_cell, last.bin_m, pixel_m=_SEARCH_M, size=size)
+    change = polar_to_cartesian(
+        by_cell, last.bin_m, first_rad=last.first_azimuth_rad, pixel_m=_SEARCH_M, size=size
+    )
     window = max(1, round(span_m / _SEARCH_M))
     smooth = gaussian_filter(change, window / 4, mode="constant")
     margin = min(window // 2, (size - 1) // 2)
@@ -129,7 +137,9 @@ def above_part(scan: PolarScan, part: Part) -> NDArray[np.float32]:
     pixel_m = part.span_m / (PIXELS * oversampling)
     reach = max(abs(part.forward_m), abs(part.right_m)) + part.span_m / 2
     size = 2 * int(np.ceil(reach / pixel_m))
-    whole = polar_to_cartesian(levels_db(scan), scan.bin_m, pixel_m=pixel_m, size=size)
+    whole = polar_to_cartesian(
+        levels_db(scan), scan.bin_m, first_rad=scan.first_azimuth_rad, pixel_m=pixel_m, size=size
+    )
     top = round(size / 2 - (part.forward_m + part.span_m / 2) / pixel_m)
     left = round(size / 2 + (part.right_m - part.span_m / 2) / pixel_m)
     fine = whole[max(top, 0) :, max(left, 0) :][: PIXELS * oversampling, : PIXELS * oversampling]

@@ -4,6 +4,7 @@ The part shown is the one that the artefact changes most (eval/ablation/crop.py)
 """
 
 import io
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -133,7 +134,7 @@ def _show(
     """Draw values (dB, or colours with a last axis of 3) with metres, or degrees and metres, at the edges."""
     image = axes.imshow(
         values,
-        extent=_extent(values, part, polar=polar),
+        extent=_extent(part, polar=polar),
         cmap=colours,
         norm=scale,
         aspect="auto" if polar else "equal",
@@ -147,10 +148,11 @@ def _show(
     return image
 
 
-def _extent(values: NDArray, part: Part, *, polar: bool) -> tuple[float, float, float, float]:
+def _extent(part: Part, *, polar: bool) -> tuple[float, float, float, float]:
     half = part.span_m / 2
     if polar:
-        return 0.0, part.span_m, 0.9 * (part.azimuth + len(values)), 0.9 * part.azimuth
+        begin_deg, end_deg = map(math.degrees, part.edges_rad)
+        return 0.0, part.span_m, end_deg, begin_deg
     return part.right_m - half, part.right_m + half, part.forward_m - half, part.forward_m + half
 
 

@@ -4,6 +4,7 @@ Counts add up over scans, correlations are averaged, widths are medians over all
 eval/fidelity/scan_statistics.py and eval/fidelity/point_spread.py.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -82,6 +83,7 @@ class DatasetStatistics:
         sensor: Name of the radar.
         scans: Number of scans.
         azimuths: Azimuths of a scan.
+        first_azimuth_deg: Direction of the first of them, clockwise from ahead [deg].
         bin_m: Length of a range bin [m].
         bands: Histogram of codes in each range band of 2.5 m (bands, 256).
         near: Histogram of codes in each near range bin (bins, 256).
@@ -100,6 +102,7 @@ class DatasetStatistics:
     sensor: str
     scans: int
     azimuths: int
+    first_azimuth_deg: float
     bin_m: float
     bands: NDArray[np.int64]
     near: NDArray[np.int64]
@@ -243,6 +246,7 @@ def pool(
         sensor=folder.sensor.name,
         scans=len(scans),
         azimuths=azimuths,
+        first_azimuth_deg=math.degrees(folder.sensor.first_azimuth_rad),
         bin_m=bin_m,
         bands=bands,
         near=near,

@@ -218,7 +218,7 @@ def _draw_spokes(axes: Axes, found: DatasetStatistics, colour: str) -> None:
     width = max(1, found.azimuths // 50)
     around = np.concatenate([spokes[-width:], spokes, spokes[:width]])
     smooth = np.convolve(around, np.full(2 * width + 1, 1 / (2 * width + 1)), "valid")
-    azimuth_deg = np.arange(found.azimuths) * 360 / found.azimuths
+    azimuth_deg = found.first_azimuth_deg + np.arange(found.azimuths) * 360 / found.azimuths
     axes.fill_between(azimuth_deg, smooth, color=colour, alpha=0.25, lw=0)
     axes.plot(azimuth_deg, smooth, color=colour, lw=1.6)
     share = 100 * float(stats.spoke_azimuths(level).mean())

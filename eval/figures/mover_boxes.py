@@ -106,7 +106,8 @@ def _observed(
     pose, position = truth.middle_pose, centre
     for _ in range(_ITERATIONS if share else 0):
         forward, right = _in_car_frame(pose, position)
-        azimuth = round(math.atan2(right, forward) / (2 * math.pi) * azimuths) % azimuths
+        after_first_rad = math.atan2(right, forward) - scan.first_azimuth_rad
+        azimuth = round(after_first_rad / (2 * math.pi) * azimuths) % azimuths
         pose = truth.pose[round(middle + share * (azimuth - middle))]
         position = centre + velocity * (share * float(scan.timestamp_us[azimuth] - truth.middle_us) / 1e6)
     return *_in_car_frame(pose, position), float(pose[3])

@@ -4,7 +4,9 @@ Everything is read from the folder's files, so that any data set can be drawn ag
 """
 
 import io
+import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import patheffects
@@ -157,8 +159,13 @@ def _legend(axes: Axes, colours: dict[str, str], *, columns: int, drop: float = 
 
 def _above(frame: Frame, values: NDArray) -> NDArray[np.float32]:
     """Return values (azimuths, bins) seen from above (_PIXELS, _PIXELS)."""
+    return _shrunk(polar_to_cartesian(values, frame.scan.bin_m, **_grid(frame)))
+
+
+def _grid(frame: Frame) -> dict[str, Any]:
+    """Return how the image from above lies over the scan."""
     size = _PIXELS * _OVERSAMPLING
-    return _shrunk(polar_to_cartesian(values, frame.scan.bin_m, pixel_m=2 * REACH_M / size, size=size))
+    return {"first_rad": frame.scan.first_azimuth_rad, "pixel_m": 2 * REACH_M / size, "size": size}
 
 
 def _shrunk(fine: NDArray) -> NDArray:
@@ -196,8 +203,7 @@ def _classes_above(axes: Axes, frame: Frame) -> None:
     table = np.tile(np.array(to_rgb(_UNLABELLED), np.float32), (256, 1))
     for colour, members in CLASS_GROUPS.values():
         table[[names.index(name) for name in members if name in names]] = to_rgb(colour)
-    size = _PIXELS * _OVERSAMPLING
-    grid = {"pixel_m": 2 * REACH_M / size, "size": size}
+    grid = _grid(frame)
     classes = frame.direct_classes()
     labels = nearest_cells(classes, frame.scan.bin_m, **grid)
     light = polar_to_cartesian(brightness(frame.scan.codes), frame.scan.bin_m, **grid)
@@ -278,8 +284,11 @@ def _scale_bar(axes: Axes, window: Window) -> None:
 
 def _show_polar(axes: Axes, frame: Frame, image: NDArray) -> None:
     reach_m = frame.scan.codes.shape[1] * frame.scan.bin_m
-    axes.imshow(image, aspect="auto", extent=(0, reach_m, 360, 0), interpolation="antialiased")
-    axes.set_yticks([0, 90, 180, 270, 360], ["0°", "90°", "180°", "270°", "360°"])
+    first_deg = math.degrees(frame.scan.seam_rad)
+    extent = (0, reach_m, first_deg + 360, first_deg)
+    axes.imshow(image, aspect="auto", extent=extent, interpolation="antialiased")
+    shown = [angle for angle in (0, 90, 180, 270, 360) if extent[3] <= angle <= extent[2]]
+    axes.set_yticks(shown, [f"{angle}°" for angle in shown])
     ticks = range(0, int(reach_m), 25 if reach_m < 225 else 50)
     axes.set_xticks(ticks, [*map(str, ticks[:-1]), f"{ticks[-1]} m"])
     axes.tick_params(colors=FAINT, labelsize=9, length=0, pad=4)

@@ -64,7 +64,11 @@ def scan_image(scan: PolarScan, *, pixels: int) -> NDArray[np.uint8]:
     height = 2 * round(scan.codes.shape[1] * scan.bin_m / pixel_m)
     size = max(height, pixels + pixels % 2)
     fine = polar_to_cartesian(
-        scan.codes, scan.bin_m, pixel_m=pixel_m / _OVERSAMPLING, size=size * _OVERSAMPLING
+        scan.codes,
+        scan.bin_m,
+        first_rad=scan.first_azimuth_rad,
+        pixel_m=pixel_m / _OVERSAMPLING,
+        size=size * _OVERSAMPLING,
     )
     whole = fine.reshape(size, _OVERSAMPLING, size, _OVERSAMPLING).mean(axis=(1, 3))
     top, left = (size - height) // 2, (size - pixels) // 2

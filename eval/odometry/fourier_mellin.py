@@ -55,11 +55,13 @@ class FourierFeatures:
 
     Attributes:
         cells: Codes above the floor (azimuths, cells) uint8, averaged to range cells of half a pixel.
+        first_rad: Direction of the first azimuth, clockwise from ahead [rad].
         spectrum: Spectrum of its image (size, size / 2 + 1) complex64.
         directions: Transform over the direction of the spectrum's magnitude (frequencies, radii) complex64.
     """
 
     cells: NDArray[np.uint8]
+    first_rad: float
     spectrum: NDArray[np.complex64]
     directions: NDArray[np.complex64]
 
@@ -112,13 +114,15 @@ class FourierOdometry:
         )
         if not cells.any():
             raise PairFailed(f"no echo above code {floor} beyond {settings.near_m:g} m")
-        spectrum = self._spectrum(cells, 0.0)
+        spectrum = self._spectrum(cells, scan.first_azimuth_rad)
         magnitude = np.abs(spectrum)
         level = np.log1p(_DYNAMIC_RANGE / magnitude.max() * magnitude)
         rings = map_coordinates(level, self._polar_grid, order=1, mode="grid-wrap")
         rings -= rings.mean(axis=0)  # the mean over directions does not depend on the rotation
         directions = np.fft.rfft(rings, axis=0).astype(np.complex64)
-        return FourierFeatures(cells=cells, spectrum=spectrum, directions=directions)
+        return FourierFeatures(
+            cells=cells, first_rad=scan.first_azimuth_rad, spectrum=spectrum, directions=directions
+        )
 
     def start(self, scan: PolarScan) -> FourierFeatures:
         """Begin a drive with a scan.
@@ -164,14 +168,14 @@ class FourierOdometry:
             PairFailed: The spectra do not depend on direction, so that the rotation is not determined.
         """
         yaw_rad = self._rotation(earlier.directions, later.directions)
-        x_m, y_m = self._translation(earlier.spectrum, self._spectrum(later.cells, yaw_rad))
+        x_m, y_m = self._translation(earlier.spectrum, self._spectrum(later.cells, later.first_rad + yaw_rad))
         return PairMotion(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
-    def _spectrum(self, cells: NDArray[np.uint8], turn_rad: float) -> NDArray[np.complex64]:
-        """Return the spectrum of the image of `cells`, rotated clockwise by `turn_rad`."""
+    def _spectrum(self, cells: NDArray[np.uint8], first_rad: float) -> NDArray[np.complex64]:
+        """Return the spectrum of the image of `cells`, whose first azimuth looks along `first_rad`."""
         settings = self.settings
         image = polar_to_cartesian(
-            cells, settings.pixel_m / 2, pixel_m=settings.pixel_m, size=settings.size, turn_rad=turn_rad
+            cells, settings.pixel_m / 2, first_rad=first_rad, pixel_m=settings.pixel_m, size=settings.size
         )
         return np.fft.rfft2(image * self._window).astype(np.complex64)
 

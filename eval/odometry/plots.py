@@ -216,7 +216,15 @@ def _motion_text(forward_m: float, right_m: float, yaw_rad: float) -> str:
 
 def _image(scan: PolarScan) -> NDArray[np.float32]:
     """Return a scan from above (pixels, pixels), 0 to 1."""
-    return brightness(polar_to_cartesian(scan.codes, scan.bin_m, pixel_m=2 * REACH_M / _PIXELS, size=_PIXELS))
+    return brightness(
+        polar_to_cartesian(
+            scan.codes,
+            scan.bin_m,
+            first_rad=scan.first_azimuth_rad,
+            pixel_m=2 * REACH_M / _PIXELS,
+            size=_PIXELS,
+        )
+    )
 
 
 def _moved(image: NDArray[np.float32], motion: PairMotion) -> NDArray[np.float32]:

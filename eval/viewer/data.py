@@ -79,6 +79,7 @@ class View:
         title: What was simulated, or the folder's name.
         sensor: Name of the radar.
         azimuths: Azimuths of a scan.
+        first_azimuth_rad: Direction of the first of them, clockwise from ahead [rad].
         columns: Pooled range bins of an azimuth; column k is centred at (k + 1/2) column_m + offset_m.
         column_m: Length of a pooled range bin [m].
         offset_m: Offset to the ranges of bins [m].
@@ -98,6 +99,7 @@ class View:
     title: str
     sensor: str
     azimuths: int
+    first_azimuth_rad: float
     columns: int
     column_m: float
     offset_m: float
@@ -158,6 +160,7 @@ def view_of(
         title=source.title,
         sensor=sensor.name.upper(),
         azimuths=sensor.azimuths,
+        first_azimuth_rad=round(sensor.first_azimuth_rad, 9),
         columns=sensor.bins // pool,
         column_m=round(pool * sensor.bin_m, 9),
         offset_m=source.scans.range_offset_m,

@@ -31,12 +31,14 @@ class ScanDistortion:
         scan_in_image: Poses of the scans in the frames of their images.
         twist: Velocities of the car at mid-scan.
         scan_s: Duration of a revolution (B,) [s].
+        seam_rad: Azimuth at which a revolution starts (B,) [rad].
         doppler_beta_s: Range by which an approaching object appears too near, by its speed (B,) [m per m/s].
     """
 
     scan_in_image: Motion
     twist: Twist
     scan_s: Tensor
+    seam_rad: Tensor
     doppler_beta_s: Tensor
 
     def to_mid_scan(self, points_m: Tensor) -> Tensor:
@@ -49,7 +51,13 @@ class ScanDistortion:
             The corrected points (B, N, 2), in the same frames [m].
         """
         in_scan = (points_m - self.scan_in_image.translation_m[:, None]) @ self.scan_in_image.rotation
-        corrected = to_mid_scan(in_scan, self.twist, scan_s=self.scan_s, doppler_beta_s=self.doppler_beta_s)
+        corrected = to_mid_scan(
+            in_scan,
+            self.twist,
+            scan_s=self.scan_s,
+            seam_rad=self.seam_rad,
+            doppler_beta_s=self.doppler_beta_s,
+        )
         return moved(corrected, self.scan_in_image)
 
     def from_mid_scan(self, points_m: Tensor) -> Tensor:
@@ -123,11 +131,13 @@ class EgoMotion:
         velocities: At mid-scan (N, 3): forward, right [m/s], clockwise [rad/s]; 0 where no neighbour has a
             pose.
         scan_s: Duration of a revolution [s].
+        seam_rad: Azimuth at which it starts [rad].
         doppler_beta_s: Range by which an approaching object appears too near, by its speed [m per m/s].
     """
 
     velocities: NDArray[np.float64]
     scan_s: float
+    seam_rad: float
     doppler_beta_s: float
 
 
@@ -145,6 +155,7 @@ def ego_motion(folder: ScanFolder, poses: NDArray[np.float64]) -> EgoMotion:
     return EgoMotion(
         velocities=np.array([_velocity(poses, times_s, number) for number in range(len(poses))]),
         scan_s=1 / folder.sensor.rotation_hz,
+        seam_rad=folder.sensor.seam_rad,
         doppler_beta_s=-float(folder.sensor.doppler_shift_s.mean()),
     )
 
@@ -178,5 +189,6 @@ def scan_distortions(scans: Sequence[tuple[EgoMotion, int]], scan_in_image: Moti
         scan_in_image=scan_in_image,
         twist=Twist(velocity_mps=velocities[:, :2], yaw_rate_rps=velocities[:, 2]),
         scan_s=torch.tensor([drive.scan_s for drive, _ in scans]),
+        seam_rad=torch.tensor([drive.seam_rad for drive, _ in scans]),
         doppler_beta_s=torch.tensor([drive.doppler_beta_s for drive, _ in scans]),
     )

@@ -5,8 +5,6 @@ averaged to range cells of half a pixel, a tenth of the bytes, so that noise is 
 an image at any heading is then one interpolation of the cells, as sharp as at heading 0.
 """
 
-import math
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -64,11 +62,12 @@ class Projector:
         offsets = pixel_offsets(settings.size, pixel_m=settings.pixel_m, bin_m=settings.cell_m)
         self._offset = torch.from_numpy(offsets).float()
 
-    def _places(self, turn_rad: float, shift_m: tuple[float, float]) -> Tensor:
+    def _places(self, first_rad: float, turn_rad: float, shift_m: tuple[float, float]) -> Tensor:
         """Return (size, size, 2): range and azimuth of every pixel, each from -1 to 1."""
         azimuth, cells = polar_places(
             self._offset,
-            turn_rad=math.remainder(turn_rad, 2 * math.pi),
+            first_rad=first_rad,
+            turn_rad=turn_rad,
             shift=(shift_m[0] / self.settings.cell_m, shift_m[1] / self.settings.cell_m),
             xp=torch,
         )
@@ -79,6 +78,7 @@ class Projector:
         self,
         cells: NDArray[np.uint8],
         *,
+        first_rad: float,
         turn_rad: float = 0.0,
         shift_m: tuple[float, float] = (0.0, 0.0),
     ) -> Tensor:
@@ -89,6 +89,7 @@ class Projector:
 
         Args:
             cells: Range cells (azimuths, cells) uint8.
+            first_rad: Direction of the first azimuth, clockwise from ahead [rad].
             turn_rad: Clockwise rotation of the content about the radar [rad].
             shift_m: Shift of the content after that: forward, right [m].
 
@@ -103,12 +104,17 @@ class Projector:
             raise ValueError(f"cells must have the shape {expected}, got {cells.shape}")
         polar = pad(torch.from_numpy(cells.astype(np.float32))[None, None], (0, 0, 0, 1))
         polar[:, :, -1] = polar[:, :, 0]  # the first azimuth follows the last
-        grid = self._places(turn_rad, shift_m)[None]
+        grid = self._places(first_rad, turn_rad, shift_m)[None]
         return grid_sample(polar, grid, align_corners=True, padding_mode="border")[0] / CODE_OF_ONE
 
 
 def image_of_codes(
-    codes: NDArray[np.uint8], bin_m: float, settings: ImageSettings, *, range_offset_m: float = 0.0
+    codes: NDArray[np.uint8],
+    bin_m: float,
+    settings: ImageSettings,
+    *,
+    first_rad: float,
+    range_offset_m: float = 0.0,
 ) -> Tensor:
     """Make the image of a scan: `range_cells`, then `Projector.image`.
 
@@ -116,6 +122,7 @@ def image_of_codes(
         codes: Codes of the scan (azimuths, bins) uint8.
         bin_m: Length of a range bin [m].
         settings: How scans become images.
+        first_rad: Direction of the first azimuth, clockwise from ahead [rad].
         range_offset_m: Added to the ranges of all bins [m].
 
     Returns:
@@ -125,4 +132,4 @@ def image_of_codes(
         ValueError: `codes` is not a scan, or `bin_m` is not finite and above 0.
     """
     cells = range_cells(codes, bin_m, settings, range_offset_m=range_offset_m)
-    return Projector(settings, codes.shape[0]).image(cells)
+    return Projector(settings, codes.shape[0]).image(cells, first_rad=first_rad)

@@ -94,12 +94,14 @@ class Drive:
         poses: World poses (N, 4): x, y, z [m], yaw [rad]; NaN where one is unknown.
         motion: How the car moved.
         projector: Makes images of the cells.
+        first_rad: Direction of the first azimuth of the scans, clockwise from ahead [rad].
     """
 
     cells: NDArray[np.uint8]
     poses: NDArray[np.float64]
     motion: EgoMotion
     projector: Projector
+    first_rad: float
 
     @cached_property
     def candidates(self) -> list[tuple[int, int]]:
@@ -186,12 +188,17 @@ class PairDataset:
             sources.append(
                 project(
                     drive.cells[pair.source],
+                    first_rad=drive.first_rad,
                     turn_rad=augmentation.source_rotation_rad,
                     shift_m=augmentation.source_shift_m,
                 )
             )
             destinations.append(
-                project(drive.cells[pair.destination], turn_rad=augmentation.destination_rotation_rad)
+                project(
+                    drive.cells[pair.destination],
+                    first_rad=drive.first_rad,
+                    turn_rad=augmentation.destination_rotation_rad,
+                )
             )
             motion = relative_from_world(drive.poses[pair.destination], drive.poses[pair.source])
             motions.append(augmented_motion(motion, augmentation))
@@ -219,7 +226,7 @@ def _drive(folder: Path, image: ImageSettings, cache: Path | None, progress: Pro
         raise DatasetError(f"{folder}: has no poses, which training needs")
     projector = Projector(image, scans.sensor.azimuths)
     cells = cached_range_cells(scans, image, cache=cache, progress=progress)
-    drive = Drive(cells, poses, ego_motion(scans, poses), projector)
+    drive = Drive(cells, poses, ego_motion(scans, poses), projector, scans.sensor.first_azimuth_rad)
     if not drive.candidates:
         raise DatasetError(f"{folder}: has no two scans with poses within {MAX_GAP} of each other")
     return drive

@@ -30,19 +30,23 @@ class ScanMotionModel:
     """Timing of a pair of rolling scans.
 
     Attributes:
-        scan_s: Duration of a scan, which starts straight ahead and goes clockwise [s].
+        scan_s: Duration of a scan, which goes clockwise [s].
+        seam_rad: Azimuth at which it starts [rad].
         doppler_beta_s: Range by which an approaching point appears too near, by its closing speed
             [m per m/s].
         gap_s: From mid-scan of the destination to that of the source, below 0 if the source is earlier [s].
     """
 
     scan_s: float
+    seam_rad: float
     doppler_beta_s: float
     gap_s: float
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.scan_s) and self.scan_s > 0):
             raise ScanMotionError(f"scan_s must be finite and above 0, got {self.scan_s}")
+        if not math.isfinite(self.seam_rad):
+            raise ScanMotionError(f"seam_rad must be finite, got {self.seam_rad}")
         if not math.isfinite(self.doppler_beta_s):
             raise ScanMotionError(f"doppler_beta_s must be finite, got {self.doppler_beta_s}")
         if not (math.isfinite(self.gap_s) and self.gap_s != 0):
@@ -78,7 +82,12 @@ def twist_between(motion: Motion, gap_s: float) -> Twist:
 
 
 def to_mid_scan(
-    points_m: Tensor, twist: Twist, *, scan_s: float | Tensor, doppler_beta_s: float | Tensor
+    points_m: Tensor,
+    twist: Twist,
+    *,
+    scan_s: float | Tensor,
+    seam_rad: float | Tensor,
+    doppler_beta_s: float | Tensor,
 ) -> Tensor:
     """Undo the motion distortion and the Doppler shift of points (`sim.datasets.motion_compensation`).
 
@@ -86,16 +95,19 @@ def to_mid_scan(
         points_m: Measured points (B, N, 2): forward, right [m].
         twist: Velocities of the B cars.
         scan_s: Duration of a revolution, of all scans or (B,) [s].
+        seam_rad: Azimuth at which it starts, of all scans or (B,) [rad].
         doppler_beta_s: Range by which an approaching point appears too near, by its closing speed, of all
             scans or (B,) [m per m/s].
 
     Returns:
         The points (B, N, 2) in the frames of mid-scan [m].
     """
-    revolution_s, beta_s = (torch.as_tensor(each).reshape(-1, 1) for each in (scan_s, doppler_beta_s))
+    revolution_s, seam, beta_s = (
+        torch.as_tensor(each).reshape(-1, 1) for each in (scan_s, seam_rad, doppler_beta_s)
+    )
     velocities = torch.cat([twist.velocity_mps, twist.yaw_rate_rps[:, None]], -1)
     return motion_compensation.to_mid_scan(
-        points_m, velocities, revolution_s=revolution_s, doppler_beta_s=beta_s, xp=torch
+        points_m, velocities, revolution_s=revolution_s, seam_rad=seam, doppler_beta_s=beta_s, xp=torch
     )
 
 
@@ -192,4 +204,10 @@ def _compensated(parts: Sequence[Part], twist: Twist, scan_motion: ScanMotionMod
 
 
 def _at_mid_scan(points_m: Tensor, twist: Twist, scan_motion: ScanMotionModel) -> Tensor:
-    return to_mid_scan(points_m, twist, scan_s=scan_motion.scan_s, doppler_beta_s=scan_motion.doppler_beta_s)
+    return to_mid_scan(
+        points_m,
+        twist,
+        scan_s=scan_motion.scan_s,
+        seam_rad=scan_motion.seam_rad,
+        doppler_beta_s=scan_motion.doppler_beta_s,
+    )

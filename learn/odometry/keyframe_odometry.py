@@ -197,7 +197,9 @@ class KeyframeOdometry:
         if gap_s == 0 or scan_s <= 0:
             _LOG.warning("scan of %g s, %g s after the one before: points as measured", scan_s, gap_s)
             return None
-        return ScanMotionModel(scan_s=scan_s, doppler_beta_s=self._doppler_beta_s, gap_s=gap_s)
+        return ScanMotionModel(
+            scan_s=scan_s, seam_rad=scan.seam_rad, doppler_beta_s=self._doppler_beta_s, gap_s=gap_s
+        )
 
     def _prediction(self, state: OdometryState, gap_s: float) -> SE2 | None:
         """Return the motion at constant velocity, None where nothing is predicted."""

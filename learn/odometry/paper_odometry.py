@@ -46,7 +46,13 @@ class PaperOdometry:
             ValueError: The scan has no azimuths or bins.
         """
         settings = self.model.settings.image
-        image = image_of_codes(scan.codes, scan.bin_m, settings, range_offset_m=self._range_offset_m)
+        image = image_of_codes(
+            scan.codes,
+            scan.bin_m,
+            settings,
+            first_rad=scan.first_azimuth_rad,
+            range_offset_m=self._range_offset_m,
+        )
         return image[None].to(self.device)
 
     def start(self, scan: PolarScan) -> Tensor:

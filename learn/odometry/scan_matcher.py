@@ -42,6 +42,7 @@ class ScanFeatures:
         keypoints: Its keypoints, in its image.
         destination: Its image to be searched; what searches share is computed by the first and kept.
         cells: Its range cells (azimuths, cells) uint8, from which it can be rendered at other poses.
+        first_rad: Direction of its first azimuth, clockwise from ahead [rad].
         rendered_at: Pose of the scan in the frame of its image, IDENTITY for an image centred on the radar
             with forward up.
     """
@@ -49,6 +50,7 @@ class ScanFeatures:
     keypoints: Keypoints
     destination: Destination
     cells: NDArray[np.uint8]
+    first_rad: float
     rendered_at: SE2 = IDENTITY
 
 
@@ -140,7 +142,7 @@ class ScanMatcher:
         """
         settings = self.model.settings.image
         cells = range_cells(scan.codes, scan.bin_m, settings, range_offset_m=self._range_offset_m)
-        return self._features(cells, rendered_at)
+        return self._features(cells, scan.first_azimuth_rad, rendered_at)
 
     def rendered(self, scan: ScanFeatures, rendered_at: SE2) -> ScanFeatures:
         """Compute the features of a scan rendered at another pose.
@@ -152,7 +154,9 @@ class ScanMatcher:
         Returns:
             The features; the same object if the pose is the same.
         """
-        return scan if rendered_at == scan.rendered_at else self._features(scan.cells, rendered_at)
+        if rendered_at == scan.rendered_at:
+            return scan
+        return self._features(scan.cells, scan.first_rad, rendered_at)
 
     @torch.inference_mode()
     def match(
@@ -267,17 +271,22 @@ class ScanMatcher:
         return self.model.embedding(scan.destination.pyramid.maps)[0].cpu().numpy()
 
     @torch.inference_mode()
-    def _features(self, cells: NDArray[np.uint8], rendered_at: SE2) -> ScanFeatures:
+    def _features(self, cells: NDArray[np.uint8], first_rad: float, rendered_at: SE2) -> ScanFeatures:
         """Return the features of range cells, rendered at a pose."""
         if len(cells) not in self._projectors:
             self._projectors[len(cells)] = Projector(self.model.settings.image, len(cells))
-        shift_m = (rendered_at.x_m, rendered_at.y_m)
-        image = self._projectors[len(cells)].image(cells, turn_rad=rendered_at.yaw_rad, shift_m=shift_m)
+        image = self._projectors[len(cells)].image(
+            cells,
+            first_rad=first_rad,
+            turn_rad=rendered_at.yaw_rad,
+            shift_m=(rendered_at.x_m, rendered_at.y_m),
+        )
         found = self.model.features(image[None].to(self.device), self.config.network_dtype)
         return ScanFeatures(
             keypoints=found.keypoints,
             destination=destination_of(found.maps, found.scores, self.config.matching),
             cells=cells,
+            first_rad=first_rad,
             rendered_at=rendered_at,
         )
 

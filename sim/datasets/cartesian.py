@@ -1,7 +1,8 @@
 """Polar scans as Cartesian images from above, and back: forward is up, the radar is in the middle.
 
-Azimuth i looks along 2 pi i / azimuths, clockwise from ahead; bin k is centred at (k + 1/2) bin_m. Where a
-pixel lies in a scan is computed in one place, `polar_places`, for arrays of NumPy and of torch.
+Azimuth i looks along first_rad + 2 pi i / azimuths, clockwise from ahead; bin k is centred at
+(k + 1/2) bin_m. Where a pixel lies in a scan is computed in one place, `polar_places`, for arrays of NumPy
+and of torch.
 """
 
 import math
@@ -12,25 +13,31 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def polar_places(
-    offset: Any, *, turn_rad: float = 0.0, shift: tuple[float, float] = (0.0, 0.0), xp: Any = np
+    offset: Any,
+    *,
+    first_rad: float,
+    turn_rad: float = 0.0,
+    shift: tuple[float, float] = (0.0, 0.0),
+    xp: Any = np,
 ) -> tuple[Any, Any]:
     """Compute where the pixels of a square image lie in a polar scan.
 
     Args:
         offset: Offsets of the pixels' centres from the middle along a side of the image (size,), ascending,
             in range bins.
+        first_rad: Direction of the scan's first azimuth, clockwise from ahead [rad].
         turn_rad: Clockwise rotation of the scan about the radar [rad].
         shift: Shift of the scan forward and right after the rotation, in range bins.
         xp: Array namespace of `offset`: `numpy` or `torch`.
 
     Returns:
-        Azimuth in revolutions from 0 to 1 and range in bins from the first bin's centre, which is -1/2 at the
-        radar; each (size, size), the first axis from ahead to behind.
+        Azimuth in revolutions from the first one, 0 to 1, and range in bins from the first bin's centre,
+        which is -1/2 at the radar; each (size, size), the first axis from ahead to behind.
     """
     ahead, aside = shift
     forward, right = (-offset - ahead)[:, None], (offset - aside)[None, :]
     azimuth, range_bins = xp.arctan2(right, forward), xp.hypot(forward, right)
-    azimuth -= turn_rad
+    azimuth -= math.remainder(first_rad + turn_rad, 2 * math.pi)
     azimuth *= 1 / (2 * math.pi)
     azimuth -= xp.floor(azimuth)
     range_bins -= 0.5
@@ -93,13 +100,14 @@ def range_averages(
 
 
 def polar_to_cartesian(
-    codes: ArrayLike, bin_m: float, *, pixel_m: float, size: int, turn_rad: float = 0.0
+    codes: ArrayLike, bin_m: float, *, first_rad: float, pixel_m: float, size: int, turn_rad: float = 0.0
 ) -> NDArray[np.float32]:
     """Convert a scan to an image, interpolated linearly in azimuth and range.
 
     Args:
         codes: Real numbers (azimuths, bins).
         bin_m: Length of a range bin [m].
+        first_rad: Direction of the first azimuth, clockwise from ahead: `PolarScan.first_azimuth_rad` [rad].
         pixel_m: Width of a pixel [m].
         size: Pixels along a side; the radar is between the middle pixels where it is even.
         turn_rad: Clockwise rotation of the scan about the radar [rad].
@@ -111,7 +119,9 @@ def polar_to_cartesian(
         ValueError: A size is not above 0, or `codes` is no scan.
     """
     values = np.asarray(codes, np.float32)
-    azimuth, column = _places(values, bin_m, pixel_m=pixel_m, size=size, turn_rad=turn_rad)
+    azimuth, column = _places(
+        values, bin_m, first_rad=first_rad, pixel_m=pixel_m, size=size, turn_rad=turn_rad
+    )
     azimuths, bins = values.shape
     before, near = np.floor(azimuth).astype(np.int64), np.floor(column).astype(np.int64)
     u, v = (azimuth - before).astype(np.float32), (column - near).astype(np.float32)
@@ -122,12 +132,13 @@ def polar_to_cartesian(
     return np.where(column <= bins - 1, (1 - u) * first + u * second, np.float32(0))
 
 
-def nearest_cells(values: NDArray, bin_m: float, *, pixel_m: float, size: int) -> NDArray:
+def nearest_cells(values: NDArray, bin_m: float, *, first_rad: float, pixel_m: float, size: int) -> NDArray:
     """Convert labels of a scan to an image in which every pixel has the label of its nearest cell.
 
     Args:
         values: Labels (azimuths, bins).
         bin_m: Length of a range bin [m].
+        first_rad: Direction of the first azimuth, clockwise from ahead: `PolarScan.first_azimuth_rad` [rad].
         pixel_m: Width of a pixel [m].
         size: Pixels along a side.
 
@@ -137,7 +148,7 @@ def nearest_cells(values: NDArray, bin_m: float, *, pixel_m: float, size: int) -
     Raises:
         ValueError: A size is not above 0, or `values` is no scan.
     """
-    azimuth, column = _places(values, bin_m, pixel_m=pixel_m, size=size)
+    azimuth, column = _places(values, bin_m, first_rad=first_rad, pixel_m=pixel_m, size=size)
     azimuths, bins = values.shape
     cells = np.clip(np.rint(column), 0, bins - 1).astype(np.int64)
     image = values[np.rint(azimuth).astype(np.int64) % azimuths, cells]
@@ -145,12 +156,13 @@ def nearest_cells(values: NDArray, bin_m: float, *, pixel_m: float, size: int) -
 
 
 def cartesian_to_polar(
-    image: ArrayLike, *, pixel_m: float, azimuths: int, bins: int, bin_m: float
+    image: ArrayLike, *, first_rad: float, pixel_m: float, azimuths: int, bins: int, bin_m: float
 ) -> NDArray[np.float32]:
     """Convert an image to a scan, interpolated linearly between the centres of its pixels.
 
     Args:
         image: Real numbers (height, width), forward up and right to the right, the radar in the middle.
+        first_rad: Direction of the scan's first azimuth, clockwise from ahead [rad].
         pixel_m: Width of a pixel [m].
         azimuths: Azimuths of the scan.
         bins: Range bins of the scan.
@@ -166,7 +178,7 @@ def cartesian_to_polar(
     if values.ndim != 2 or 0 in values.shape:
         raise ValueError(f"image must be (height, width), got shape {values.shape}")
     _check_sizes(pixel_m=pixel_m, azimuths=azimuths, bins=bins, bin_m=bin_m)
-    azimuth = np.arange(azimuths)[:, None] * (2 * math.pi / azimuths)
+    azimuth = first_rad + np.arange(azimuths)[:, None] * (2 * math.pi / azimuths)
     range_m = (np.arange(bins) + 0.5) * bin_m
     height, width = values.shape
     # A billionth of a pixel, so that no cell on the edge is lost to rounding.
@@ -190,11 +202,12 @@ def _check_sizes(**sizes: float) -> None:
 
 
 def _places(
-    values: NDArray, bin_m: float, *, pixel_m: float, size: int, turn_rad: float = 0.0
+    values: NDArray, bin_m: float, *, first_rad: float, pixel_m: float, size: int, turn_rad: float = 0.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the fractional azimuth index and bin (size, size) of every pixel's centre in the scan."""
     if values.ndim != 2 or 0 in values.shape:
         raise ValueError(f"codes must be (azimuths, bins), got shape {values.shape}")
     _check_sizes(bin_m=bin_m, pixel_m=pixel_m, size=size)
-    azimuth, column = polar_places(pixel_offsets(size, pixel_m=pixel_m, bin_m=bin_m), turn_rad=turn_rad)
+    offsets = pixel_offsets(size, pixel_m=pixel_m, bin_m=bin_m)
+    azimuth, column = polar_places(offsets, first_rad=first_rad, turn_rad=turn_rad)
     return azimuth * values.shape[0], column

@@ -63,6 +63,8 @@ class Sensor:
     """Resolution of the analogue-to-digital converter."""
     full_scale_db: float
     """Power that a sine at the converter's clipping level has in the written scan [dB above one unit]."""
+    compression_dbm: float
+    """1-dB compression point: received power at which a single echo is written 1 dB too weak [dBm]."""
     tx_power_w: float
     """Transmitted power [W]."""
     antenna_gain_db: float
@@ -177,6 +179,11 @@ class Sensor:
         return 2 * math.pi / self.azimuths
 
     @property
+    def seam_rad(self) -> float:
+        """Azimuth at which a revolution begins and ends, half a step before the first azimuth [rad]."""
+        return self.first_azimuth_rad - self.azimuth_step_rad / 2
+
+    @property
     def azimuth_rad(self) -> NDArray[np.float64]:
         """Directions of the azimuths, clockwise from ahead (azimuths,) [rad], 0 to 2 pi.
 
@@ -256,6 +263,7 @@ _RANGES = {
     "fft_size": (32, 2**18),
     "adc_bits": (1, 16),
     "full_scale_db": (-50, 200),
+    "compression_dbm": (-200, 200),
     "tx_power_w": (1e-9, 1e6),
     "antenna_gain_db": (-10, 80),
     "system_loss_db": (-20, 120),

@@ -26,9 +26,11 @@ function fromScreen(x, y) {
   return [Math.hypot(right, forward), (azimuthOf(forward, right) - heading() + 2 * CIRCLE) % CIRCLE];
 }
 
-const azimuthIndexOf = (azimuth) => Math.round(azimuth / CIRCLE * azimuths) % azimuths;
+/** Direction in which an azimuth looks, by its number [rad], and the number of the one nearest to a direction. */
+const directionOf = (index) => firstAzimuth + index / azimuths * CIRCLE;
+const azimuthIndexOf = (azimuth) => (Math.round((azimuth - firstAzimuth) / CIRCLE * azimuths) + azimuths) % azimuths;
 
-/** Fractional azimuth index (before the heading is subtracted) and column of the centre of every pixel. */
+/** Direction in azimuth steps (before heading and first azimuth are subtracted) and column of every pixel's centre. */
 let pixelGrid = { key: "" };
 function gridOf(side) {
   const key = `${side} ${state.view} ${state.range}`;
@@ -93,7 +95,8 @@ function project(side, words) {
   const overlay = shown.truth ? OVERLAYS[state.overlay] : null;
   const { plain, tinted } = palette(overlay);
   const { codes, truth } = shown;
-  const rotated = (azimuths - heading() / CIRCLE * azimuths % azimuths) % azimuths;
+  const turns = (heading() + firstAzimuth) / CIRCLE;
+  const rotated = (Math.ceil(turns) - turns) * azimuths;
   for (let p = 0; p < words.length; p++) {
     const c = column[p];
     if (c > columns - 0.5) continue; // beyond the last range bin: transparent

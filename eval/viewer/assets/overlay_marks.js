@@ -61,7 +61,7 @@ function obstacleOutline(side) {
   let before = null;
   return scan().obstacle_m.map((range, azimuthIndex) => {
     const within = range !== null && range < state.range;
-    const line = within ? pathOf([-half, half].map((off) => onScreen(range, azimuthIndex / azimuths * CIRCLE + off)), side) : "";
+    const line = within ? pathOf([-half, half].map((off) => onScreen(range, directionOf(azimuthIndex) + off)), side) : "";
     const joined = within && before !== null ? line.replace("M", "L") : line;
     before = within ? range : null;
     return joined;
@@ -71,7 +71,7 @@ function obstacleOutline(side) {
 function azimuthMarks(side) {
   const obstacles = state.obstacles ? obstacleOutline(side) : "";
   const clipped = !state.clipped ? "" : scan().clipped.map((azimuthIndex) => {
-    const azimuth = azimuthIndex / azimuths * CIRCLE;
+    const azimuth = directionOf(azimuthIndex);
     return pathOf([onScreen(state.range * 0.965, azimuth), onScreen(state.range, azimuth)], side);
   }).join("");
   return `<path class="casing" d="${obstacles}"/><path class="obstacles" d="${obstacles}"/><path class="clip" d="${clipped}"/>`;

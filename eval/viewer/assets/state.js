@@ -2,7 +2,7 @@
 
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
-const { azimuths, columns, column_m: columnM, offset_m: offsetM, scans } = data;
+const { azimuths, first_azimuth_rad: firstAzimuth, columns, column_m: columnM, offset_m: offsetM, scans } = data;
 const last = scans.length - 1;
 const CIRCLE = 2 * Math.PI;
 const MAX_RANGE_M = columns * columnM + offsetM;

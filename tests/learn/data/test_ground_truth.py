@@ -31,7 +31,7 @@ def points(count: int = 40) -> Tensor:
 
 
 def distortion(scan_in_image: SE2, velocity: tuple[float, float, float]) -> ScanDistortion:
-    drive = EgoMotion(velocities=np.array([velocity]), scan_s=TURN_S, doppler_beta_s=BETA_S)
+    drive = EgoMotion(velocities=np.array([velocity]), scan_s=TURN_S, seam_rad=0.0, doppler_beta_s=BETA_S)
     return scan_distortions([(drive, 0)], to_motion(scan_in_image))
 
 
@@ -113,6 +113,7 @@ def test_velocities_are_those_between_neighbouring_poses(tmp_path) -> None:
     gap_s = float(np.diff(folder.timestamps_us)[0]) / 1e6
     found = ego_motion(folder, world)
     assert found.scan_s == pytest.approx(1 / folder.sensor.rotation_hz)
+    assert found.seam_rad == pytest.approx(math.radians(0.9 * (13 / 14 - 0.5)))
     assert found.doppler_beta_s == pytest.approx(-folder.sensor.doppler_shift_s.mean())
     assert_allclose(found.velocities, [(radius_m * step / gap_s, 0.0, step / gap_s)] * 6, atol=1e-3)
     unknown = world.copy()
@@ -123,8 +124,10 @@ def test_velocities_are_those_between_neighbouring_poses(tmp_path) -> None:
 
 
 def test_each_scan_of_a_batch_has_its_own_velocity_and_duration() -> None:
-    fast = EgoMotion(velocities=np.array([(0.0, 0.0, 0.0), (9.0, 0.0, 0.0)]), scan_s=0.2, doppler_beta_s=0.0)
-    slow = EgoMotion(velocities=np.array([(1.0, 0.0, 0.0)]), scan_s=0.3, doppler_beta_s=0.1)
+    fast = EgoMotion(
+        velocities=np.array([(0.0, 0.0, 0.0), (9.0, 0.0, 0.0)]), scan_s=0.2, seam_rad=0.0, doppler_beta_s=0.0
+    )
+    slow = EgoMotion(velocities=np.array([(1.0, 0.0, 0.0)]), scan_s=0.3, seam_rad=0.4, doppler_beta_s=0.1)
     both = scan_distortions([(fast, 1), (slow, 0)], to_motion([IDENTITY, IDENTITY]))
     assert both.twist.velocity_mps[:, 0].tolist() == [9.0, 1.0]
     alone = scan_distortions([(slow, 0)], to_motion(IDENTITY))

@@ -36,7 +36,7 @@ def _centre(image: torch.Tensor, settings: ImageSettings) -> np.ndarray:
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 90.0, 180.0, 270.0, 33.3])
 def test_an_object_appears_where_docs_conventions_put_it(azimuth_deg: float) -> None:
-    image = image_of_codes(_spot(azimuth_deg, 20.0), 0.05, IMAGE)
+    image = image_of_codes(_spot(azimuth_deg, 20.0), 0.05, IMAGE, first_rad=0.0)
     angle = math.radians(azimuth_deg)
     # The middle of a blob 14 degrees wide lies 1 % nearer than its middle row, 0.2 m.
     assert_allclose(_centre(image, IMAGE), [20 * math.cos(angle), 20 * math.sin(angle)], atol=0.25)
@@ -47,16 +47,24 @@ def test_an_object_appears_where_docs_conventions_put_it(azimuth_deg: float) -> 
 def test_rotation_turns_the_content_clockwise(turn: float, azimuth_deg: float) -> None:
     cells = range_cells(_spot(azimuth_deg, 20.0), 0.05, IMAGE)
     projector = Projector(IMAGE, 400)
-    x, y = _centre(projector.image(cells), IMAGE)
+    x, y = _centre(projector.image(cells, first_rad=0.0), IMAGE)
     expected = [math.cos(turn) * x - math.sin(turn) * y, math.sin(turn) * x + math.cos(turn) * y]
-    assert_allclose(_centre(projector.image(cells, turn_rad=turn), IMAGE), expected, atol=0.03)
+    assert_allclose(_centre(projector.image(cells, first_rad=0.0, turn_rad=turn), IMAGE), expected, atol=0.03)
+
+
+def test_the_first_azimuth_may_look_aside() -> None:
+    projector, cells = Projector(IMAGE, 400), range_cells(_spot(33.3, 20.0), 0.05, IMAGE)
+    moved = projector.image(cells, first_rad=0.3, turn_rad=0.4, shift_m=(3.0, -1.0))
+    assert_allclose(
+        moved, projector.image(cells, first_rad=0.0, turn_rad=0.7, shift_m=(3.0, -1.0)), atol=1e-5
+    )
 
 
 def test_a_quarter_turn_moves_pixels_and_changes_none() -> None:
     cells = np.random.default_rng(1).integers(0, 130, (400, IMAGE.cells), np.uint8)
     projector = Projector(IMAGE, 400)
-    expected = torch.rot90(projector.image(cells)[0], -1)
-    assert_allclose(projector.image(cells, turn_rad=math.pi / 2)[0], expected, atol=2e-4)
+    expected = torch.rot90(projector.image(cells, first_rad=0.0)[0], -1)
+    assert_allclose(projector.image(cells, first_rad=0.0, turn_rad=math.pi / 2)[0], expected, atol=2e-4)
 
 
 @pytest.mark.parametrize("bin_m", [0.0432, 0.0596, 0.5, 0.7])
@@ -80,7 +88,7 @@ def test_range_offset_moves_cells_outwards() -> None:
 
 
 def test_nearer_than_near_m_and_beyond_the_last_bin_is_nothing() -> None:
-    image = image_of_codes(np.full((400, 500), 100, np.uint8), 0.05, IMAGE)[0] * CODE_OF_ONE
+    image = image_of_codes(np.full((400, 500), 100, np.uint8), 0.05, IMAGE, first_rad=0.0)[0] * CODE_OF_ONE
     offset = np.arange(64) - 31.5
     distance = np.hypot(offset[:, None], offset)
     assert (image.numpy()[distance < 1.7] == 0).all()
@@ -115,20 +123,22 @@ def test_bad_scans_are_refused() -> None:
     with pytest.raises(ValueError, match="bin_m must be"):
         range_cells(np.zeros((4, 5), np.uint8), 0.0, IMAGE)
     with pytest.raises(ValueError, match="cells must have"):
-        Projector(IMAGE, 400).image(np.zeros((399, IMAGE.cells), np.uint8))
+        Projector(IMAGE, 400).image(np.zeros((399, IMAGE.cells), np.uint8), first_rad=0.0)
 
 
 def test_a_shift_moves_the_content_by_whole_pixels() -> None:
     cells = np.random.default_rng(1).integers(0, 99, (400, IMAGE.cells)).astype(np.uint8)
     projector = Projector(IMAGE, 400)
-    plain = projector.image(cells, turn_rad=0.3)[0]
-    shifted = projector.image(cells, turn_rad=0.3, shift_m=(3 * IMAGE.pixel_m, -5 * IMAGE.pixel_m))[0]
+    plain = projector.image(cells, first_rad=0.0, turn_rad=0.3)[0]
+    shifted = projector.image(
+        cells, first_rad=0.0, turn_rad=0.3, shift_m=(3 * IMAGE.pixel_m, -5 * IMAGE.pixel_m)
+    )[0]
     assert_allclose(shifted[:-3, :-5], plain[3:, 5:], atol=1e-4)  # three up, five to the left
 
 
 def test_images_for_the_network_are_those_of_the_numpy_function() -> None:
     cells = np.random.default_rng(2).integers(0, 130, (400, IMAGE.cells), np.uint8)
-    expected = polar_to_cartesian(cells, IMAGE.cell_m, pixel_m=IMAGE.pixel_m, size=IMAGE.size)
-    found = Projector(IMAGE, 400).image(cells)[0] * CODE_OF_ONE
+    expected = polar_to_cartesian(cells, IMAGE.cell_m, first_rad=0.0, pixel_m=IMAGE.pixel_m, size=IMAGE.size)
+    found = Projector(IMAGE, 400).image(cells, first_rad=0.0)[0] * CODE_OF_ONE
     # Azimuths in single precision are off by up to 1e-5 of the 0.9 deg between two of them.
     assert_allclose(found, expected, atol=0.01)

@@ -86,7 +86,7 @@ VELOCITIES = [(12.0, 0.3, 0.4), (-3.0, 0.0, -0.5), (8.0, 0.0, 0.0), (0.0, 0.0, 0
 def test_a_spot_is_put_where_it_is_at_mid_scan(velocity: tuple[float, float, float]) -> None:
     seen = np.stack([_seen(spot, velocity) for spot in _spots()])
     twist = Twist(velocity_mps=torch.tensor([velocity[:2]]), yaw_rate_rps=torch.tensor([velocity[2]]))
-    found = to_mid_scan(_tensor(seen), twist, scan_s=SCAN_S, doppler_beta_s=BETA_S)
+    found = to_mid_scan(_tensor(seen), twist, scan_s=SCAN_S, seam_rad=0.0, doppler_beta_s=BETA_S)
     assert_allclose(found[0], _spots(), atol=1e-6)
 
 
@@ -124,7 +124,9 @@ def test_the_motion_between_rolling_scans_is_exact_at_steady_velocity(
     source, destination = (earlier, seen) if backwards else (seen, earlier)
     weights = torch.ones(1, len(seen), dtype=torch.float64)
     matches = Matches(source_m=_tensor(source), destination_m=_tensor(destination), weights=weights)
-    scan_motion = ScanMotionModel(scan_s=SCAN_S, doppler_beta_s=BETA_S, gap_s=-GAP_S if backwards else GAP_S)
+    scan_motion = ScanMotionModel(
+        scan_s=SCAN_S, seam_rad=0.0, doppler_beta_s=BETA_S, gap_s=-GAP_S if backwards else GAP_S
+    )
     expected = np.linalg.inv(later) if backwards else later
     found, (part,) = solve_compensated(
         [Part(matches=matches, pose=to_motion(IDENTITY, torch.float64))], scan_motion=scan_motion
@@ -168,7 +170,7 @@ def test_a_keyframe_at_another_velocity_is_compensated_by_its_own() -> None:
         )
         for name, pose, own in (("key", to_motion(IDENTITY, torch.float64), twist), ("before", stood, None))
     ]
-    scan_motion = ScanMotionModel(scan_s=SCAN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
+    scan_motion = ScanMotionModel(scan_s=SCAN_S, seam_rad=0.0, doppler_beta_s=BETA_S, gap_s=GAP_S)
     found, _ = solve_compensated(parts, scan_motion=scan_motion)
     assert_allclose(found.translation_m[0], source[:2, 2], atol=1e-3)
     assert_allclose(found.rotation[0], source[:2, :2], atol=1e-4)
@@ -221,10 +223,14 @@ def test_points_taken_as_they_are_are_off_where_the_car_turns() -> None:
     assert float(off) > 0.01
 
 
-@pytest.mark.parametrize("wrong", [{"scan_s": 0.0}, {"gap_s": 0.0}, {"doppler_beta_s": math.nan}])
+@pytest.mark.parametrize(
+    "wrong", [{"scan_s": 0.0}, {"gap_s": 0.0}, {"seam_rad": math.inf}, {"doppler_beta_s": math.nan}]
+)
 def test_times_and_coefficients_out_of_their_range_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(wrong))} must"):
-        ScanMotionModel(**{"scan_s": SCAN_S, "doppler_beta_s": BETA_S, "gap_s": GAP_S, **wrong})
+        ScanMotionModel(
+            **{"scan_s": SCAN_S, "seam_rad": 0.0, "doppler_beta_s": BETA_S, "gap_s": GAP_S, **wrong}
+        )
 
 
 def test_parts_of_one_destination_are_one_part() -> None:
@@ -235,7 +241,7 @@ def test_parts_of_one_destination_are_one_part() -> None:
     there = [away @ np.array([*spot, 1.0]) for spot in _spots()]
     later = _tensor(np.array([_seen(spot[:2], velocity) for spot in there]))
     weights = torch.linspace(0.5, 1.5, 12, dtype=torch.float64)[None]
-    scan_motion = ScanMotionModel(scan_s=SCAN_S, doppler_beta_s=BETA_S, gap_s=GAP_S)
+    scan_motion = ScanMotionModel(scan_s=SCAN_S, seam_rad=0.0, doppler_beta_s=BETA_S, gap_s=GAP_S)
 
     def part(which: slice) -> Part:
         matches = Matches(

@@ -55,13 +55,19 @@ class Seeing(ScanMatcher):
         return super()._solve(parts, scan_motion)
 
     def features(self, scan: PolarScan, *, rendered_at: SE2 = IDENTITY) -> ScanFeatures:
-        return self._features(scan.codes, rendered_at)
+        return self._features(scan.codes, scan.first_azimuth_rad, rendered_at)
 
-    def _features(self, cells: np.ndarray, rendered_at: SE2) -> ScanFeatures:
+    def _features(self, cells: np.ndarray, first_rad: float, rendered_at: SE2) -> ScanFeatures:
         number = int(cells[0, 0])
         self.renderings.append((number, rendered_at))
         nothing = cast(Any, None)
-        return ScanFeatures(keypoints=nothing, destination=nothing, cells=cells, rendered_at=rendered_at)
+        return ScanFeatures(
+            keypoints=nothing,
+            destination=nothing,
+            cells=cells,
+            first_rad=first_rad,
+            rendered_at=rendered_at,
+        )
 
     def match(
         self, source: ScanFeatures, destination: ScanFeatures, *, search_sigma_m: float | None = None
@@ -269,6 +275,7 @@ def test_the_timing_of_a_pair_is_that_of_its_scans() -> None:
     (found,) = seeing.scan_motions
     assert found is not None
     assert (found.scan_s, found.doppler_beta_s, found.gap_s) == pytest.approx((0.2, 0.05, GAP_S))
+    assert found.seam_rad == pytest.approx(-math.pi / 4)  # half of the four azimuths' step before ahead
 
 
 def test_a_keyframe_keeps_the_velocity_of_its_scan() -> None:

@@ -61,7 +61,7 @@ def _normalised_by(codes: np.ndarray, settings: ModelSettings) -> FastKeypointMo
         if isinstance(part, torch.nn.BatchNorm2d):
             part.momentum = 1.0
     with torch.no_grad():
-        model.train().features(image_of_codes(codes, BIN_M, settings.image)[None])
+        model.train().features(image_of_codes(codes, BIN_M, settings.image, first_rad=0.0)[None])
     return model
 
 
