@@ -1,6 +1,8 @@
-"""Settings of all tests: one thread per test process, and freed memory goes back to the system."""
+"""Settings of all tests: one thread and one cache of towns, and freed memory goes back to the system."""
 
 import os
+import shutil
+import tempfile
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -9,6 +11,10 @@ import pytest
 # With one process per core, more threads would only wait for each other. PyTorch reads this once.
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    _CACHE = None
+else:
+    # The processes of a run share their towns, and neither read nor fill the cache of the user.
+    _CACHE = os.environ["ECHOSCAPE_CACHE"] = tempfile.mkdtemp(prefix="echoscape-tests-")
 
 TOGETHER = ("physics", "scenes")
 """Folders whose quick tests run in one process: docs/physics.md needs all laws, and towns are built once."""
@@ -27,6 +33,12 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
             return next((each for each in folders if each in path.parts), str(path))
 
     return Together(config, log)
+
+
+def pytest_unconfigure() -> None:
+    """Remove the cache with the process that made it."""
+    if _CACHE is not None:
+        shutil.rmtree(_CACHE, ignore_errors=True)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -4,7 +4,8 @@ Targets are placed once the drive is known, since they may be given relative to 
 target in the path of the drive is refused.
 """
 
-from dataclasses import dataclass, replace
+import hashlib
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from echoscape.scenes.io.user_drive import UserDrive
 from echoscape.scenes.io.user_scene import build_user_scene
 from echoscape.scenes.town.build import build_town
 from echoscape.scenes.traffic.plan import plan_traffic
+from echoscape.sim.datasets.files.record_file import record_bytes
+from echoscape.sim.generation.cache import cached
 from echoscape.sim.generation.config import SimulationConfig
 
 
@@ -51,12 +54,12 @@ def build_scene(config: SimulationConfig, *, whole_drive: bool = False) -> Scene
             or a custom object or target is in its path; the message names it.
     """
     if config.scene is None:
-        scene = build_town(config.preset, seed=config.seed)
+        scene = _town(config)
         drive = plan_ego_drive(scene, seed=config.seed, duration_s=config.duration_s, settings=config.drive)
         names = ["an object of the town"] * len(scene.instance_class)
         targets, first_instance = config.targets, len(names)
     else:
-        world = build_user_scene(config.scene)
+        world = build_user_scene(config.scene, seed=config.seed)
         scene, drive, names = world.scene, world.drive, [f"object {name!r}" for name in world.names]
         targets, first_instance = (*config.scene.targets, *config.targets), 1
         if not whole_drive:
@@ -93,8 +96,30 @@ def add_traffic(setup: SceneSetup, config: SimulationConfig) -> SceneSetup:
     """
     if not isinstance(setup.drive, EgoDrive):
         return setup
-    movers = plan_traffic(setup.scene, setup.drive, seed=config.seed, settings=config.traffic)
-    return replace(setup, movers=movers)
+    return replace(setup, movers=_traffic(setup.scene, setup.drive, config))
+
+
+def _town(config: SimulationConfig) -> Scene:
+    """Return the town, from the cache where it was built before."""
+    settings = {"preset": config.preset, "seed": config.seed}
+    return cached("town", Scene, settings, lambda: build_town(config.preset, seed=config.seed))
+
+
+def _traffic(scene: Scene, drive: EgoDrive, config: SimulationConfig) -> tuple[Mover, ...]:
+    """Return the movers, from the cache where they were planned before for the same town and drive."""
+    settings = {
+        "preset": scene.preset,
+        "seeds": [scene.seed, config.seed],
+        "targets": [asdict(target) for target in scene.targets],
+        "drive": hashlib.sha256(record_bytes(drive, EgoDrive, key="")).hexdigest(),
+        "traffic": asdict(config.traffic),
+    }
+    return cached(
+        "traffic",
+        tuple[Mover, ...],
+        settings,
+        lambda: plan_traffic(scene, drive, seed=config.seed, settings=config.traffic),
+    )
 
 
 def _check_length(config: SimulationConfig, drive: UserDrive) -> None:

@@ -228,6 +228,7 @@ def test_nothing_is_left_when_the_first_step_fails(
     def fail(*arguments: object, **settings: object) -> None:
         raise ArithmeticError("no town")
 
+    monkeypatch.setenv("ECHOSCAPE_CACHE", "off")
     monkeypatch.setattr(stage, "build_town", fail)
     out = tmp_path / "a" / "b"
     if there:
@@ -303,6 +304,7 @@ def test_failed_start_leaves_other_peoples_datasets_alone(
         neighbour.write_text("a day's work")
         raise KeyboardInterrupt
 
+    monkeypatch.setenv("ECHOSCAPE_CACHE", "off")
     monkeypatch.setattr(stage, "build_town", build)
     with pytest.raises(KeyboardInterrupt):
         write_dataset(tmp_path / "sets" / "mine", CONFIG)
