@@ -185,7 +185,7 @@ def test_another_key_or_type_is_refused() -> None:
     content = record_bytes(whole(), Whole, key=KEY)
     with pytest.raises(RecordError, match="another key"):
         read(content, key="town of seed 8")
-    with pytest.raises(RecordError, match="an object of type .*Part"):
+    with pytest.raises(RecordError, match=r"an object of type .*Part"):
         read(content, kind=Part)
     with pytest.raises(RecordError, match="holds a Part"):
         read(record_bytes(whole().parts[0], Whole, key=KEY))
