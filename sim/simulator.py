@@ -27,6 +27,7 @@ from echoscape.sim.kinematics.timeline import HasTrajectory, Timeline
 from echoscape.sim.raytracing.mitsuba_scene import MitsubaScene, instance_classes
 from echoscape.sim.raytracing.ray_sampling import PrimaryHits
 from echoscape.sim.raytracing.scan_state import ScanState, scan_state
+from echoscape.sim.raytracing.target_mirrors import MirrorFaces, mirror_faces
 from echoscape.sim.raytracing.tracer import Tracer
 from echoscape.sim.receiver.front_end import FrontEnd, NoiseRealisation
 from echoscape.sim.receiver.quantiser import codes
@@ -127,6 +128,7 @@ class Simulator:
             targets=scene.targets,
             seed=seed,
             surfaces=surfaces,
+            mirrors=_mirrors(scene),
         )
         self._labeller = CellLabeller(sensor, self.instance_class)
 
@@ -196,8 +198,8 @@ class Simulator:
     def scans(self, index: int, settings: Sequence[Artefacts], *, truth: bool = True) -> list[PolarScan]:
         """Simulate a scan under several settings of artefacts, each step once for all that agree in it.
 
-        Rays are traced again only for settings that differ in motion distortion, attitude or moving objects. Each scan
-        has the bytes that a simulator with this setting alone would give it.
+        Rays are traced again only for settings that differ in motion distortion, attitude or moving objects.
+        Each scan has the bytes that a simulator with this setting alone would give it.
 
         Args:
             index: Number of the scan, from 0.
@@ -367,6 +369,11 @@ class Simulator:
             first_obstacle_m=incoming.dominant.echoes.first_obstacle_m,
             boxes=mover_boxes(state.movers, state.poses, self.sensor),
         )
+
+
+def _mirrors(scene: Scene) -> MirrorFaces | None:
+    """Return the faces in which coherent targets may be seen, None in a scene without such targets."""
+    return mirror_faces(scene) if any(each.target.coherent for each in scene.targets) else None
 
 
 def _grouped(settings: Iterable[Artefacts], names: Sequence[str]) -> list[list[Artefacts]]:

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline
 
 STEEPEST_RAD = 0.5
 """Largest pitch and roll of a car on its wheels [rad]."""
@@ -22,10 +22,12 @@ class Attitude:
     Attributes:
         time_s: Increasing times (K,) float64 [s].
         angle_rad: Pitch and roll (K, 2) float64 [rad].
+        rate_rps: Time derivative of `angle_rad` (K, 2) float64 [rad/s].
     """
 
     time_s: NDArray[np.float64]
     angle_rad: NDArray[np.float64]
+    rate_rps: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         """Check shapes, times and values.
@@ -34,16 +36,21 @@ class Attitude:
             ValueError: The knots do not define an attitude; the message names the field.
         """
         knots = len(self.time_s)
-        if self.angle_rad.shape != (knots, 2):
-            raise ValueError(f"angle_rad must be ({knots}, 2), got {self.angle_rad.shape}")
+        if self.angle_rad.shape != (knots, 2) or self.rate_rps.shape != (knots, 2):
+            raise ValueError(
+                f"angle_rad and rate_rps must be ({knots}, 2), got {self.angle_rad.shape} and "
+                f"{self.rate_rps.shape}"
+            )
         if knots < 2 or not np.all(np.diff(self.time_s) > 0):
             raise ValueError(f"time_s must hold two or more increasing values, got {knots}")
         if not np.all(np.abs(self.angle_rad) <= STEEPEST_RAD):
             raise ValueError(f"angle_rad must be between -{STEEPEST_RAD} and {STEEPEST_RAD}")
+        if not np.isfinite(self.rate_rps).all():
+            raise ValueError("rate_rps must be finite")
 
     @cached_property
-    def _spline(self) -> CubicSpline:
-        return CubicSpline(self.time_s, self.angle_rad, bc_type="natural")
+    def _spline(self) -> CubicHermiteSpline:
+        return CubicHermiteSpline(self.time_s, self.angle_rad, self.rate_rps)
 
     def angles(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Interpolate pitch and roll.

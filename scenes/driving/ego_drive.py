@@ -4,7 +4,7 @@ The car follows a single-track model: its rear axle, `rear_axle_m` behind the mi
 middle moves slightly sideways in bends (Rajamani, Vehicle Dynamics and Control, 2012, section 2.2).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from echoscape.scenes.core.checks import check_between
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.core.scene import Scene
 from echoscape.scenes.core.trajectory import Trajectory
+from echoscape.scenes.driving.body_motion import with_body_motion
 from echoscape.scenes.driving.lane_path import LanePath, smooth_path
 from echoscape.scenes.driving.route import Route, RouteSettings, plan_route
 from echoscape.scenes.driving.speed_profile import (
@@ -33,6 +34,9 @@ DURATION_RANGE_S = (0.5, 7_200.0)
 """Shortest and longest drive [s]."""
 EGO_EXTENT_M = (4.8, 2.0, 1.5)
 """Length, width and height of the ego vehicle [m]."""
+ROUGHNESS_M3 = {"street": 400e-6, "fast": 256e-6}
+"""Degree of roughness (ISO 8608) of streets, and of roads outside towns: both class C. Calibrated to the
+pitch and roll of real cars on flat roads (docs/physics.md): it includes manholes, ramps and crossfall [m^3]."""
 
 _STEP_M = 0.25
 _SPARE_M = 80.0
@@ -61,6 +65,9 @@ class DriveSettings:
     """Distance from the middle of a stopped car to the end of its lane [m]."""
     free_start_m: float = 25.0
     """Distance from the start within which the car does not stop [m]."""
+    road_roughness: float = 1.0
+    """Roughness of all roads relative to the default [1]: 0 is smooth, 12 gives the pitch and roll measured
+    on a campus with speed bumps."""
 
     def __post_init__(self) -> None:
         """Check the ranges of the fields.
@@ -69,7 +76,12 @@ class DriveSettings:
             ValueError: A field is out of range; the message names it.
         """
         check_between(
-            self, knot_s=(0.005, 0.5), corner_m=(0.05, 20), wander_m=(0, 2), wander_length_m=(0.1, 1000)
+            self,
+            knot_s=(0.005, 0.5),
+            corner_m=(0.05, 20),
+            wander_m=(0, 2),
+            wander_length_m=(0.1, 1000),
+            road_roughness=(0, 64),
         )
 
 
@@ -173,7 +185,11 @@ def plan_ego_drive(
     stops = _stops(roads, route, path, settings=settings, rng=rng[_STOPS])
     profile = speed_profile(caps, stops, step_m=_STEP_M, settings=speed, rng=rng[_ACCELERATION])
     clock = timing(profile, stops, step_m=_STEP_M, settings=speed, clock_s=settings.knot_s)
-    return _driven(route, path, clock, duration_s=duration_s, length_m=length_m, settings=settings)
+    drive = _driven(route, path, clock, duration_s=duration_s, length_m=length_m, settings=settings)
+    limit = np.interp(drive.travel_m, path.travel_m, limit)
+    street, fast = ROUGHNESS_M3["street"], ROUGHNESS_M3["fast"]
+    rough = settings.road_roughness * np.where(limit > speed.open_limit_mps, fast, street)
+    return replace(drive, trajectory=with_body_motion(drive.trajectory, seed=seed, roughness_m3=rough))
 
 
 def _check_span(duration_s: float | None, length_m: float | None) -> None:

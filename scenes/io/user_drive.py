@@ -1,27 +1,34 @@
 """Custom drives: timed poses, or way-points at constant speed, both interpolated smoothly.
 
+The car pitches and rolls as on a road of the class given, or as its poses say.
+
 Poses are interpolated by modified Akima splines, with which a stationary car stays stationary (scipy's
 "makima"); way-points by a natural cubic spline over chord length, driven at constant speed with the heading
 along the curve.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson
 from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
+from echoscape.scenes.core.attitude import STEEPEST_RAD, Attitude
 from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.core.trajectory import Trajectory
+from echoscape.scenes.driving.body_motion import with_body_motion
+from echoscape.scenes.driving.road_profile import ROUGHNESS_M3
 from echoscape.scenes.io.strict_toml import SceneError, Table
 
 POSE = ("t_s", "x_m", "y_m", "heading_deg")
+ATTITUDE = ("pitch_deg", "roll_deg")
 FASTEST_MPS = 100.0
 HIGHEST_M = 10_000.0
 """Largest height of the ground below the car above or below 0 [m], that of mesh vertices."""
 
-_KEYS = ("poses", "waypoints", "speed_mps", "z_m")
+_KEYS = ("poses", "waypoints", "speed_mps", "z_m", "attitude", "road_class")
 
 _KNOT_S = 0.05
 _SAMPLE_M = 0.05
@@ -37,12 +44,17 @@ class DrivePlan:
         waypoints: Rows of x, y [m].
         speed_mps: Speed along the way-points [m/s], 0 with poses.
         z_m: Height of the ground below the car [m], between -HIGHEST_M and HIGHEST_M.
+        attitude: Rows of pitch, nose up, and roll, right side down [deg], one a pose; none for that of a car
+            on its springs.
+        road_class: Class of the road's roughness (ISO 8608), "A" the smoothest, or "smooth".
     """
 
     poses: tuple[tuple[float, ...], ...] = ()
     waypoints: tuple[tuple[float, ...], ...] = ()
     speed_mps: float = 0.0
     z_m: float = 0.0
+    attitude: tuple[tuple[float, ...], ...] = ()
+    road_class: str = "C"
 
     def __post_init__(self) -> None:
         """Check the height.
@@ -98,22 +110,28 @@ def read_drive_plan(table: Table) -> DrivePlan:
     z_m = table.number("z_m", 0.0)
     if abs(z_m) > HIGHEST_M:
         raise table.error(_height_refused(z_m))
+    road_class = table.string("road_class", DrivePlan.road_class, allowed=("smooth", *ROUGHNESS_M3))
     if poses:
-        plan = DrivePlan(poses=table.rows("poses", POSE), z_m=z_m)
+        plan = DrivePlan(poses=table.rows("poses", POSE), z_m=z_m, road_class=road_class)
         _check_poses(table, np.array(plan.poses).reshape(-1, 4))
+        if "attitude" in table:
+            plan = replace(plan, attitude=table.rows("attitude", ATTITUDE))
+            _check_attitude(table, plan)
     else:
         speed_mps = table.number("speed_mps")
-        plan = DrivePlan(waypoints=table.rows("waypoints", ("x_m", "y_m")), speed_mps=speed_mps, z_m=z_m)
+        waypoints = table.rows("waypoints", ("x_m", "y_m"))
+        plan = DrivePlan(waypoints=waypoints, speed_mps=speed_mps, z_m=z_m, road_class=road_class)
         _check_waypoints(table, np.array(plan.waypoints).reshape(-1, 2), speed_mps)
     table.reject_unknown_keys()
     return plan
 
 
-def make_user_drive(plan: DrivePlan) -> UserDrive:
+def make_user_drive(plan: DrivePlan, *, seed: int) -> UserDrive:
     """Make the drive of a plan.
 
     Args:
         plan: The plan.
+        seed: Decides the unevenness of the road.
 
     Returns:
         The drive.
@@ -122,6 +140,8 @@ def make_user_drive(plan: DrivePlan) -> UserDrive:
         SceneError: The curve through the way-points reverses on the spot.
     """
     track = _through_poses(plan) if plan.poses else _along_waypoints(plan)
+    roughness_m3 = ROUGHNESS_M3.get(plan.road_class, 0.0)
+    track = with_body_motion(track, seed=seed, roughness_m3=roughness_m3)
     return UserDrive(trajectory=track, duration_s=float(track.time_s[-1]))
 
 
@@ -152,6 +172,20 @@ def _check_poses(table: Table, poses: NDArray[np.float64]) -> None:
         )
 
 
+def _check_attitude(table: Table, plan: DrivePlan) -> None:
+    """Check number and size of pitch and roll."""
+    if len(plan.attitude) != len(plan.poses):
+        raise table.error(
+            f"attitude must have a row for each of the {len(plan.poses)} poses, got {len(plan.attitude)}"
+        )
+    most = math.degrees(STEEPEST_RAD)
+    for number, row in enumerate(plan.attitude, 1):
+        if max(map(abs, row)) > most:
+            raise table.error(
+                f"attitude must be between -{most:.1f} and {most:.1f} deg; row {number} is {row}"
+            )
+
+
 def _check_waypoints(table: Table, points: NDArray[np.float64], speed_mps: float) -> None:
     """Check number, distances and speed of way-points."""
     if len(points) < 2:
@@ -170,8 +204,16 @@ def _through_poses(plan: DrivePlan) -> Trajectory:
     time, x, y, heading = np.array(plan.poses).T
     z = np.full_like(time, plan.z_m)
     state = np.stack([x, y, z, np.unwrap(np.deg2rad(heading))], axis=-1)
-    rate = Akima1DInterpolator(time, state, axis=0, method="makima")(time, nu=1)
-    return Trajectory(time_s=time, state=state, rate=rate)
+    attitude = None
+    if plan.attitude:
+        angle = np.deg2rad(plan.attitude)
+        attitude = Attitude(time_s=time, angle_rad=angle, rate_rps=_smooth_rate(time, angle))
+    return Trajectory(time_s=time, state=state, rate=_smooth_rate(time, state), attitude=attitude)
+
+
+def _smooth_rate(time: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the derivative of values (K, ...) at their times by modified Akima splines."""
+    return Akima1DInterpolator(time, values, axis=0, method="makima")(time, nu=1)
 
 
 def _along_waypoints(plan: DrivePlan) -> Trajectory:

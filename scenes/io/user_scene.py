@@ -124,11 +124,12 @@ def read_user_scene(path: str | Path) -> UserScene:
     return scene
 
 
-def build_user_scene(scene: UserScene) -> BuiltUserScene:
+def build_user_scene(scene: UserScene, *, seed: int) -> BuiltUserScene:
     """Read the mesh of a custom scene and assign instance ids, materials and classes.
 
     Args:
         scene: Description of the scene.
+        seed: Decides the unevenness of the road.
 
     Returns:
         The scene and its drive.
@@ -143,7 +144,7 @@ def build_user_scene(scene: UserScene) -> BuiltUserScene:
     for (owner, class_name), meshes in _objects(scene, parts).items():
         builder.add(class_name, {material: _joined(pieces) for material, pieces in meshes.items()})
         names.append(owner)
-    drive = make_user_drive(scene.drive)
+    drive = make_user_drive(scene.drive, seed=seed)
     static = builder.static()
     built = Scene(
         preset="custom",

@@ -27,7 +27,7 @@ def _world(
     """Build the scene of a mesh file and of the TOML text below its `file` key."""
     (folder / name).write_bytes(mesh if isinstance(mesh, bytes) else mesh.encode())
     (folder / "yard.toml").write_text(f'file = "{name}"\n{text}')
-    return build_user_scene(read_user_scene(folder / "yard.toml"))
+    return build_user_scene(read_user_scene(folder / "yard.toml"), seed=0)
 
 
 def _box(*, low: tuple[float, float, float], size: tuple[float, float, float]) -> trimesh.Trimesh:

@@ -37,7 +37,7 @@ def _world(
     """Build the scene of a mesh file and of the TOML text below its `file` key."""
     (folder / name).write_bytes(mesh if isinstance(mesh, bytes) else mesh.encode())
     (folder / "yard.toml").write_text(f'file = "{name}"\n{text}')
-    return build_user_scene(read_user_scene(folder / "yard.toml"))
+    return build_user_scene(read_user_scene(folder / "yard.toml"), seed=0)
 
 
 def _box(*, low: tuple[float, float, float], size: tuple[float, float, float]) -> trimesh.Trimesh:
@@ -100,7 +100,7 @@ def test_nodes_are_placed_and_mirrored_ones_keep_their_outside(tmp_path: Path) -
 
 def test_an_exported_scene_is_imported_unchanged(tmp_path: Path) -> None:
     shutil.copy(EXAMPLES / "yard.obj", tmp_path)
-    first = build_user_scene(read_user_scene(EXAMPLES / "yard.toml"))
+    first = build_user_scene(read_user_scene(EXAMPLES / "yard.toml"), seed=0)
     rules = "".join(
         f'[[object]]\nname = "static/{name}"\nmaterial = "{name}"\nclass = "wall"\n'
         for name in first.scene.static
@@ -302,7 +302,7 @@ def test_a_changed_mesh_is_refused(tmp_path: Path) -> None:
     scene = read_user_scene(tmp_path / "yard.toml")
     (tmp_path / "yard.obj").write_text(TRIANGLE.replace("21", "22"))
     with pytest.raises(SceneError, match=r"yard\.obj: changed since"):
-        build_user_scene(scene)
+        build_user_scene(scene, seed=0)
 
 
 def test_objects_without_a_rule_are_listed_by_their_first_names(tmp_path: Path) -> None:
@@ -313,7 +313,7 @@ def test_objects_without_a_rule_are_listed_by_their_first_names(tmp_path: Path) 
 
 def test_waypoints_are_driven_through_at_the_given_speed_and_heading() -> None:
     points = ((0.0, 0.0), (10.0, 5.0), (25.0, 0.0), (30.0, -12.0))
-    drive = make_user_drive(DrivePlan(waypoints=points, speed_mps=4.0, z_m=1.5))
+    drive = make_user_drive(DrivePlan(waypoints=points, speed_mps=4.0, z_m=1.5), seed=0)
     times = np.linspace(0, drive.duration_s, 4001)
     pose, rate = drive.trajectory.pose(times), drive.trajectory.velocity(times)
     for point in points:
@@ -329,7 +329,7 @@ def test_waypoints_are_driven_through_at_the_given_speed_and_heading() -> None:
 
 
 def test_two_waypoints_make_a_straight_line() -> None:
-    drive = make_user_drive(DrivePlan(waypoints=((1.0, 1.0), (1.0, 21.0)), speed_mps=5.0))
+    drive = make_user_drive(DrivePlan(waypoints=((1.0, 1.0), (1.0, 21.0)), speed_mps=5.0), seed=0)
     assert_allclose(drive.duration_s, 4.0)
     assert_allclose(drive.pose(np.array([0.0, 1.0, 4.0])), [[1, 1, 0, np.pi / 2], [1, 6, 0, np.pi / 2],
                                                             [1, 21, 0, np.pi / 2]], atol=1e-9)  # fmt: skip
@@ -338,7 +338,7 @@ def test_two_waypoints_make_a_straight_line() -> None:
 def test_poses_are_interpolated_and_a_stationary_car_stays_stationary() -> None:
     rows = ((0.0, 0.0, 0.0, 350.0), (2.0, 0.0, 0.0, 350.0), (4.0, 0.0, 0.0, 350.0), (6.0, 8.0, 1.0, 10.0),
             (8.0, 16.0, 4.0, 20.0))  # fmt: skip
-    drive = make_user_drive(DrivePlan(poses=rows, z_m=0.5))
+    drive = make_user_drive(DrivePlan(poses=rows, z_m=0.5), seed=0)
     poses = np.array(rows)
     pose = drive.pose(poses[:, 0])
     assert_allclose(pose[:, :2], poses[:, 1:3], atol=1e-12)

@@ -1,0 +1,83 @@
+"""The unevenness of a road along both wheel tracks, as ISO 8608 classes it.
+
+The displacement spectrum of one track is Gd(n0) (n / n0)^-2 with n0 = 0.1 cycles/m (ISO 8608:2016), flat
+below 0.01 cycles/m. Both tracks belong to one isotropic surface (Dodds & Robson, J. Sound Vib. 31(2), 1973): at a
+distance b their coherence is x K1(x), x = 2 pi n b, which c^2 / (x^2 + c^2) with c^2 = 1.3 meets within 0.05.
+Mean and difference of the tracks are then independent, and each is white noise through first-order filters.
+
+Here and there real roads are far less even than their mean spectrum: patches, covers, ramps. Their local
+roughness is drawn from a gamma distribution, stretch by stretch, so that heights are Laplacian rather than
+Gaussian (Bogsjo, Podgorski & Rychlik, Vehicle System Dynamics 50(5), 2012).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+ROUGHNESS_M3 = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}
+"""Degree of roughness Gd(n0) of the classes of ISO 8608, geometric mean [m^3]."""
+STEP_M = 0.1
+"""Distance between samples: the length of a tyre's footprint, which averages what is shorter [m]."""
+
+STRETCH_M = 10.0
+"""Length of a stretch of equal roughness [m]."""
+EVENNESS = 0.4
+"""Shape of the gamma distribution of the roughness of stretches; calibrated to the 99 % quantile of the pitch
+of real cars, which is four times its standard deviation."""
+
+_REFERENCE = 0.1
+_LOWEST = 0.01
+_CORNER = math.sqrt(1.3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoadProfile:
+    """Heights along a road, every `STEP_M` from its start, before which it is flat.
+
+    Attributes:
+        mean_m: Mean of both wheel tracks (S,) [m].
+        difference_m: Left less right track (S,) [m].
+    """
+
+    mean_m: NDArray[np.float64]
+    difference_m: NDArray[np.float64]
+
+
+def road_profile(
+    roughness_m3: NDArray[np.float64], *, track_m: float, rng: np.random.Generator
+) -> RoadProfile:
+    """Draw the unevenness of a road.
+
+    The first samples do not depend on how many follow.
+
+    Args:
+        roughness_m3: Degree of roughness Gd(n0) at every sample (S,) [m^3].
+        track_m: Distance of the two wheel tracks [m].
+        rng: Draws the unevenness.
+
+    Returns:
+        The heights.
+    """
+    rough_rng, height_rng = rng.spawn(2)
+    stretch = np.arange(len(roughness_m3)) // round(STRETCH_M / STEP_M)
+    local = rough_rng.standard_gamma(EVENNESS, stretch[-1] + 1)[stretch] / EVENNESS
+    # Slopes of a spectrum of waviness 2 are white, one-sided (2 pi n0)^2 Gd(n0) [m].
+    deviation = 2 * math.pi * _REFERENCE * np.sqrt(roughness_m3 * local * STEP_M / 2)
+    steps = height_rng.standard_normal((len(roughness_m3), 2)).T * deviation
+    corner = _CORNER / track_m
+    # (s / sqrt 2 + corner) / (s + corner): half the power of a track where the tracks are independent.
+    slow = (1 - math.sqrt(0.5)) * (1 - math.exp(-corner * STEP_M))
+    together = math.sqrt(0.5) * steps[0] + _decaying(slow * steps[0], corner)
+    return RoadProfile(
+        mean_m=_decaying(together, 2 * math.pi * _LOWEST),
+        difference_m=_decaying(math.sqrt(2) * steps[1], corner),
+    )
+
+
+def _decaying(steps: NDArray[np.float64], rate_per_m: float) -> NDArray[np.float64]:
+    """Return the sum of steps (S,) that decay with distance, 0 at the first sample."""
+    decay = math.exp(-rate_per_m * STEP_M)
+    return np.concatenate([[0.0], lfilter([1.0], [1.0, -decay], steps[:-1])])
