@@ -1,5 +1,6 @@
 """One scan of a simulated data set, read from its files with all that a figure of it shows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -7,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.eval.figures.style import IN_PLACE
 from echoscape.eval.figures.target_markers import TargetMark, target_marks
 from echoscape.sim.datasets.files.metadata import read_manifest, world_of
 from echoscape.sim.datasets.files.truth_npz import read_arrays, read_truth
-from echoscape.sim.datasets.polar_scan import PolarScan, ScanTruth
+from echoscape.sim.datasets.polar_scan import CellTruth, PolarScan, ScanTruth
 from echoscape.sim.datasets.scan_folder import open_folder
 
 
@@ -46,16 +48,32 @@ class Frame:
         """Whether the world is a user's mesh, whose faces may be turned either way."""
         return self.manifest["config"].get("scene") is not None
 
-    def components_present(self) -> list[str]:
-        """Return the names of the components that some cell of the scan has."""
+    def shown_components(self) -> tuple[NDArray[np.uint8], list[str]]:
+        """Return each cell's component (azimuths, bins), ghosts in place apart, and the names by number."""
         names = self.manifest["components"]
-        return [names[index] for index in np.unique(self.truth.cells.component).tolist()]
+        return shown_components(self.truth.cells, names), [*names, IN_PLACE]
 
     def direct_classes(self) -> NDArray[np.uint8]:
         """Return the class (azimuths, bins) of each cell with a direct echo, 0 elsewhere."""
         cells = self.truth.cells
         direct = cells.component == self.manifest["components"].index("direct")
         return np.where(direct, cells.class_id, 0).astype(np.uint8)
+
+
+def shown_components(cells: CellTruth, names: Sequence[str]) -> NDArray[np.uint8]:
+    """Return the component of each cell, with ghosts in place apart from displaced ones.
+
+    Args:
+        cells: Truth of the cells; in older data sets, without the flag, all ghosts count as displaced.
+        names: Names of the components by number.
+
+    Returns:
+        Numbers of the components (azimuths, bins), `len(names)` for ghosts in place.
+    """
+    if cells.displaced is None:
+        return cells.component
+    in_place = (cells.component == names.index("ghost")) & ~cells.displaced
+    return np.where(in_place, np.uint8(len(names)), cells.component)
 
 
 def read_frame(folder: Path, scan: int | None = None) -> Frame:

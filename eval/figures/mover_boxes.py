@@ -1,7 +1,8 @@
 """True boxes of moving objects at the time when the rotating beam passes each of them.
 
-The ground truth holds boxes at mid-scan. A scan shows each object where it is when its azimuth is swept,
-up to half a revolution earlier or later; in between it is extrapolated at constant velocity.
+A scan shows each object where it is when its azimuth is swept, up to half a revolution from mid-scan. The
+ground truth holds its box at that time; in older data sets it is extrapolated from mid-scan at constant
+velocity.
 """
 
 import math
@@ -75,18 +76,19 @@ def observed_boxes(
     """
     boxes = truth.boxes
     for i in range(len(boxes.instance)):
-        centre, velocity, yaw = boxes.centre[i], boxes.velocity[i], float(boxes.yaw[i])
-        forward, right, heading = _observed(scan, truth, centre, velocity, motion_distortion)
+        centre, velocity = boxes.centre[i], boxes.velocity[i]
+        pose, position, yaw = _met(scan, truth, i, motion_distortion)
+        forward, right = _in_car_frame(pose, position)
         length, width, height = (round(float(value), 2) for value in boxes.extent[i])
         yield ObservedBox(
             instance=int(boxes.instance[i]),
             class_id=int(boxes.class_id[i]),
             forward_m=round(forward, 2),
             right_m=round(right, 2),
-            heading_rad=round(math.remainder(heading - yaw, 2 * math.pi), 3),
+            heading_rad=round(math.remainder(float(pose[3]) - yaw, 2 * math.pi), 3),
             x_m=round(float(centre[0]), 2),
             y_m=round(float(centre[1]), 2),
-            yaw_rad=round(yaw, 3),
+            yaw_rad=round(float(boxes.yaw[i]), 3),
             length_m=length,
             width_m=width,
             height_m=height,
@@ -94,23 +96,33 @@ def observed_boxes(
         )
 
 
-def _observed(
-    scan: PolarScan, truth: ScanTruth, centre: NDArray, velocity: NDArray, share: float
-) -> tuple[float, float, float]:
-    """Return forward, right [m] of an object and the car's yaw [rad] at the azimuth that meets it.
+def _met(scan: PolarScan, truth: ScanTruth, index: int, share: float) -> tuple[NDArray, NDArray, float]:
+    """Return the car's pose (4,), a box's centre (3,) and its yaw [rad] at the azimuth that meets the box."""
+    boxes = truth.boxes
+    if boxes.row is None or boxes.row_centre is None or boxes.row_yaw is None:
+        return *_extrapolated(scan, truth, index, share), float(boxes.yaw[index])
+    return _pose_at(truth, int(boxes.row[index]), share), boxes.row_centre[index], float(boxes.row_yaw[index])
 
-    centre (3,) [m] and velocity (3,) [m/s] are those at mid-scan.
-    """
-    azimuths = len(truth.pose)
-    middle = (azimuths - 1) / 2
+
+def _extrapolated(
+    scan: PolarScan, truth: ScanTruth, index: int, share: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the car's pose (4,) and a box's centre (3,) from those at mid-scan at constant velocity."""
+    centre, velocity = truth.boxes.centre[index], truth.boxes.velocity[index]
     pose, position = truth.middle_pose, centre
     for _ in range(_ITERATIONS if share else 0):
         forward, right = _in_car_frame(pose, position)
         after_first_rad = math.atan2(right, forward) - scan.first_azimuth_rad
-        azimuth = round(after_first_rad / (2 * math.pi) * azimuths) % azimuths
-        pose = truth.pose[round(middle + share * (azimuth - middle))]
+        azimuth = round(after_first_rad / (2 * math.pi) * len(truth.pose)) % len(truth.pose)
+        pose = _pose_at(truth, azimuth, share)
         position = centre + velocity * (share * float(scan.timestamp_us[azimuth] - truth.middle_us) / 1e6)
-    return *_in_car_frame(pose, position), float(pose[3])
+    return pose, position
+
+
+def _pose_at(truth: ScanTruth, azimuth: int, share: float) -> NDArray[np.float64]:
+    """Return the car's pose (4,) at an azimuth, for azimuths spread over a share of the revolution's time."""
+    middle = (len(truth.pose) - 1) / 2
+    return truth.pose[round(middle + share * (azimuth - middle))] if share else truth.middle_pose
 
 
 def _in_car_frame(pose: NDArray, position: NDArray) -> tuple[float, float]:

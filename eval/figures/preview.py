@@ -303,14 +303,16 @@ def _components_polar(axes: Axes, frame: Frame) -> None:
     _titled(
         axes,
         "Component",
-        "strongest contribution; ghost: more than one bounce, even on a true surface",
+        "strongest contribution; ghost: a path of several bounces, shown where none of its surfaces is",
     )
-    table = np.array([to_rgb(COMPONENT_COLOURS[name]) for name in frame.manifest["components"]], np.float32)
+    component, names = frame.shown_components()
+    table = np.array([to_rgb(COMPONENT_COLOURS[name]) for name in names], np.float32)
     light = 0.2 + 0.9 * brightness(frame.scan.codes)
     light = np.where(frame.scan.codes > 0, light, 0.0)
-    image = _faded(table[frame.truth.cells.component], light)
+    image = _faded(table[component], light)
     _show_polar(axes, frame, _pooled(image))
-    _legend(axes, component_legend(frame.components_present()), columns=8, drop=-0.1)
+    present = [names[index] for index in np.unique(component).tolist()]
+    _legend(axes, component_legend(present), columns=9, drop=-0.1)
 
 
 def _pooled(values: NDArray) -> NDArray:

@@ -43,9 +43,12 @@ TARGET_COLOUR = "#ff5fa2"
 MOVING_COLOUR = "#ff5a4f"
 """Cells whose echo comes from a moving object."""
 
+IN_PLACE = "multipath in place"
+"""Name of ghosts that are not displaced: a path of several bounces that shows one of its surfaces."""
 COMPONENT_COLOURS = {
     "direct": "#5cc8ff",
     "ghost": "#ff6f3c",
+    IN_PLACE: "#a3d998",
     "sidelobe": "#f7e95c",
     "spoke": "#c04ba6",
     "leakage": "#0f9a70",
@@ -53,7 +56,7 @@ COMPONENT_COLOURS = {
     "rain": "#ffffff",
     "interference": "#5a4dff",
 }
-"""Colours of the strongest contribution to a cell, by component."""
+"""Colours of the strongest contribution to a cell, by component; ghosts in place have their own."""
 
 BOUNCE_COLOURS = (
     COMPONENT_COLOURS["noise"],

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from echoscape.eval.figures.frame import shown_components
 from echoscape.eval.figures.mover_boxes import ObservedBox, observed_boxes
 from echoscape.eval.figures.style import (
     COMPONENT_COLOURS,
+    IN_PLACE,
     OTHER_COLOUR,
     class_colour,
     class_legend,
@@ -86,7 +88,7 @@ class View:
         total: Number of scans in the data set.
         has_truth: Whether the data set has ground truth.
         north_up: Whether north is up in the plan's world.
-        components: Name and colour of each component, by number.
+        components: Name and colour of each component, by number, that of ghosts in place last.
         classes: Name and colour of each class, by number.
         component_legend: Components that occur in the scans shown.
         class_legend: Groups of classes that occur in the scans shown.
@@ -144,6 +146,7 @@ def view_of(
         if value is not None and value < 1:
             raise ValueError(f"{name} must be 1 or more, got {value}")
     source = open_source(Path(folder))
+    components = [*source.components, IN_PLACE]
     sensor = source.scans.sensor
     pool = math.ceil(sensor.bins / columns)
     chosen = range(len(source.scans))[::every][:scans]
@@ -167,9 +170,9 @@ def view_of(
         total=len(source.scans),
         has_truth=source.has_truth,
         north_up=source.north_up,
-        components=[(name, COMPONENT_COLOURS.get(name, OTHER_COLOUR)) for name in source.components],
+        components=[(name, COMPONENT_COLOURS.get(name, OTHER_COLOUR)) for name in components],
         classes=[(name, class_colour(name)) for name in source.classes],
-        component_legend=list(component_legend(occurring.names(source.components, 0)).items()),
+        component_legend=list(component_legend(occurring.names(components, 0)).items()),
         class_legend=list(class_legend(occurring.names(source.classes, 1)).items()),
         window=window,
         plan=plan,
@@ -200,7 +203,7 @@ class _Occurring:
 def _viewed(source: Source, number: int, *, pool: int, occurring: _Occurring) -> ViewedScan:
     scan, truth = source.scans.read(number), source.truth(number)
     codes, strongest = strongest_bins(scan.codes, pool)
-    labels = _labels(truth.cells, strongest) if truth else None
+    labels = _labels(truth.cells, source.components, strongest) if truth else None
     if labels is not None:
         occurring.add(labels)
     speed, yaw_rate = _rates(source, number, scan, truth)
@@ -236,11 +239,12 @@ def strongest_bins(codes: NDArray[np.uint8], pool: int) -> tuple[NDArray[np.uint
     return groups.max(axis=2), at + pool * np.arange(at.shape[1])
 
 
-def _labels(cells: CellTruth, bins: NDArray[np.intp]) -> NDArray[np.uint8]:
+def _labels(cells: CellTruth, components: list[str], bins: NDArray[np.intp]) -> NDArray[np.uint8]:
     """Return the truth of the range bins `bins` (azimuths, columns) as an image (azimuths, columns, 3)."""
+    shown = shown_components(cells, components)
     component, bounces, class_id, moving = (
         np.take_along_axis(values, bins, axis=1).astype(np.uint8)
-        for values in (cells.component, cells.bounces, cells.class_id, cells.moving)
+        for values in (shown, cells.bounces, cells.class_id, cells.moving)
     )
     packed = component + 16 * np.minimum(bounces, _MAX_BOUNCES)
     return np.dstack([packed, class_id, moving]).astype(np.uint8)

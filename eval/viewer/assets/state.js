@@ -26,7 +26,7 @@ const OVERLAYS = {
   component: {
     label: (r) => r & 15, colours: data.components.map(([, colour]) => rgb(colour)), bare: NOISE,
     legend: data.component_legend.filter(([name]) => name !== "noise"),
-    note: "Strongest contribution to each cell. Ghost: a path of more than one bounce, even where it falls on a true surface.",
+    note: "Strongest contribution to each cell. Ghost: a path of several bounces, shown where none of its surfaces is. Multipath in place: one that shows a surface of its path, as a corner does.",
   },
   class: {
     label: (r, g) => g, colours: data.classes.map(([, colour]) => rgb(colour)), bare: 0,

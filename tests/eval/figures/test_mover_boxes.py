@@ -40,6 +40,22 @@ def test_a_box_is_shifted_by_the_share_of_the_time_that_was_simulated(share: flo
     assert (box.x_m, box.y_m) == (-30.0, 0.0)  # the world position stays that of mid-scan
 
 
+def test_box_stands_where_the_truth_has_it_at_the_time_of_its_row() -> None:
+    # In row 300 the car is 16 m/s times its time further on; the box has turned while it drove a bend.
+    scan, truth = _scan()
+    boxes = replace(
+        truth.boxes,
+        row=np.array([300], np.int32),
+        row_centre=np.array([[-28.0, 1.5, 0.7]]),
+        row_yaw=np.array([math.pi / 2 - 0.3]),
+    )
+    (box,) = observed_boxes(scan, replace(truth, boxes=boxes))
+    late_s = float(scan.timestamp_us[300] - truth.middle_us) / 1e6
+    assert (box.right_m, box.forward_m) == pytest.approx((-28.0, 1.5 - SPEED_M_S * late_s), abs=0.01)
+    assert box.heading_rad == pytest.approx(0.3)
+    assert (box.x_m, box.y_m, box.yaw_rad) == (-30.0, 0.0, round(math.pi / 2, 3))
+
+
 def test_corners_follow_length_width_and_heading() -> None:
     box = ObservedBox(
         instance=1, class_id=1, forward_m=10.0, right_m=5.0, heading_rad=math.pi / 2, x_m=0.0, y_m=0.0,

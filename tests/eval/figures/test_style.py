@@ -11,6 +11,7 @@ from echoscape.eval.figures.style import (
     CLASS_GROUPS,
     COMPONENT_COLOURS,
     FULL_SCALE_CODE,
+    IN_PLACE,
     brightness,
     class_colour,
     class_legend,
@@ -49,7 +50,7 @@ def test_components_differ_for_every_kind_of_colour_vision(vision: str) -> None:
 
 
 def test_every_component_and_class_has_a_colour_of_the_legend() -> None:
-    assert set(COMPONENT_COLOURS) == {component.name.lower() for component in Component}
+    assert set(COMPONENT_COLOURS) == {component.name.lower() for component in Component} | {IN_PLACE}
     members = [name for _, names in CLASS_GROUPS.values() for name in names]
     assert sorted(members) == sorted(set(members))
     assert set(CLASSES) - set(members) == {"none"}

@@ -72,10 +72,18 @@ def test_labels_are_the_truth_of_the_strongest_cell_exactly(tmp_path: Path) -> N
     scan.truth.cells.component[200, 404:408] = (0, Component.GHOST, Component.SPOKE, Component.SPOKE)
     scan.truth.cells.class_id[200, 404:408] = (1, 2, 3, 4)
     scan.truth.cells.bounces[200, 404:408] = (1, 3, 2, 2)
+    scan.truth.cells.component[200, 411] = Component.GHOST
+    scan.truth.cells.bounces[200, 411] = 2
+    scan.codes[200, 411] = 40
+    assert scan.truth.cells.displaced is not None
+    scan.truth.cells.displaced[200, 405] = True
     write_png(folder / "radar" / f"{START_US}.png", scan)
     write_truth(folder / "truth" / f"{START_US}.npz", scan.truth)
-    labels = _pixels(view_of(folder, columns=250).scans[0].labels)
+    view = view_of(folder, columns=250)
+    labels = _pixels(view.scans[0].labels)
     np.testing.assert_array_equal(labels[200, 101], (Component.GHOST + 16 * 3, 2, 0))
+    np.testing.assert_array_equal(labels[200, 102], (len(Component) + 16 * 2, 0, 0))  # multipath in place
+    assert {"ghost", "multipath in place"} < dict(view.component_legend).keys()
     np.testing.assert_array_equal(labels[100, 120], (Component.DIRECT + 16, CAR, 1))
 
 

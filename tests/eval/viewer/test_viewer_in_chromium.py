@@ -161,7 +161,7 @@ def test_overlays_colour_what_truth_names_and_nothing_else(page: Chromium) -> No
 def test_legend_lists_what_occurs_and_says_what_a_ghost_is(page: Chromium) -> None:
     page.click_on("input[name=overlay][value=component]")
     assert _text(page, "legend") == "direct"
-    assert "more than one bounce" in _text(page, "legend-note")
+    assert "where none of its surfaces is" in _text(page, "legend-note")
     page.click_on("input[name=overlay][value=class]")
     assert (_text(page, "legend"), _text(page, "legend-note")) == ("vehicle", "")
 

@@ -50,6 +50,7 @@ def made_scan(number: int) -> PolarScan:
             class_id=np.where(block, CAR, 0).astype(np.uint8),
             bounces=block.astype(np.uint8),
             moving=block,
+            displaced=np.zeros(shape, bool),
         ),
         pose=np.tile(pose, (shape[0], 1)),
         middle_pose=pose,
