@@ -52,10 +52,13 @@ class Mesh:
     Attributes:
         vertices: Positions (V, 3) float32 [m].
         faces: Vertex indices (F, 3) uint32, counter-clockwise seen from outside.
+        normals: Unit normals of the curved surface that the faces stand for, at the corners of each face
+            (F, 3, 3) float32, zero for faces that are flat; None where all are flat.
     """
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
+    normals: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,9 +196,29 @@ def remove_instances(
     return rest, tuple(mover for mover in movers if mover.instance not in instances)
 
 
+def joined_normals(meshes: Sequence[Mesh]) -> NDArray[np.float32] | None:
+    """Return the corner normals of meshes that are concatenated.
+
+    Args:
+        meshes: The meshes, in order.
+
+    Returns:
+        Normals (F, 3, 3) float32, zero for flat faces; None where all meshes are flat.
+    """
+    if all(mesh.normals is None for mesh in meshes):
+        return None
+    flat = (np.zeros((len(mesh.faces), 3, 3), np.float32) for mesh in meshes)
+    return np.concatenate(
+        [none if mesh.normals is None else mesh.normals for mesh, none in zip(meshes, flat, strict=True)]
+    )
+
+
 def _remaining_faces(mesh: StaticMesh, removed: NDArray[np.uint32]) -> StaticMesh:
     keep = ~np.isin(mesh.instance, removed)
-    return mesh if keep.all() else replace(mesh, faces=mesh.faces[keep], instance=mesh.instance[keep])
+    if keep.all():
+        return mesh
+    normals = None if mesh.normals is None else mesh.normals[keep]
+    return replace(mesh, faces=mesh.faces[keep], instance=mesh.instance[keep], normals=normals)
 
 
 def _remaining_placements(placements: Placements, removed: NDArray[np.uint32]) -> Placements:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from echoscape.scenes.core.scene import CLASSES, Mesh, Scene, StaticMesh
+from echoscape.scenes.core.scene import CLASSES, Mesh, Scene, StaticMesh, joined_normals
 from echoscape.scenes.core.targets import KINDS, PlacedTarget, Target
 
 _FACETS = 96
@@ -55,6 +55,7 @@ def _joined(meshes: list[StaticMesh]) -> StaticMesh:
         vertices=np.concatenate([mesh.vertices for mesh in meshes]),
         faces=np.concatenate(faces),
         instance=np.concatenate([mesh.instance for mesh in meshes]),
+        normals=joined_normals(meshes),
     )
 
 

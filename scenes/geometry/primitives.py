@@ -1,6 +1,7 @@
 """Small solids as triangle meshes: boxes, prisms, lofts, tubes, ellipsoids, separate quads, and their union.
 
 Faces are counter-clockwise seen from outside. Shapes are computed in float64 and rounded once to float32.
+Round solids carry the normals of the surface that their facets stand for.
 """
 
 from collections.abc import Iterable, Sequence
@@ -8,10 +9,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from echoscape.scenes.core.scene import Mesh, Prototype
+from echoscape.scenes.core.scene import Mesh, Prototype, joined_normals
 
 MIN_AREA_M2 = 1e-8
 """Smaller faces are dropped; they arise where a shape tapers to an edge."""
+_FLAT = 1e-4
+"""Faces whose normals differ by less are flat [rad]."""
 
 _BOX_CORNERS = np.array(
     [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]
@@ -21,19 +24,68 @@ _BOX_QUADS = np.array(
 )  # below, above, -y, +y, -x, +x
 
 
-def mesh(vertices: ArrayLike, faces: ArrayLike) -> Mesh:
+def mesh(vertices: ArrayLike, faces: ArrayLike, normals: ArrayLike | None = None) -> Mesh:
     """Make a mesh without faces of zero area.
 
     Args:
         vertices: Positions (V, 3) [m].
         faces: Vertex indices (F, 3).
+        normals: Unit normals of the curved surface at the corners of each face (F, 3, 3), zero for faces that
+            are flat; None where all are.
 
     Returns:
         The mesh.
     """
     points = np.asarray(vertices, dtype=np.float32).reshape(-1, 3)
     triangles = np.asarray(faces, dtype=np.uint32).reshape(-1, 3)
-    return Mesh(vertices=points, faces=triangles[areas(points, triangles) > MIN_AREA_M2])
+    kept = areas(points, triangles) > MIN_AREA_M2
+    smooth = None if normals is None else np.asarray(normals, np.float32).reshape(-1, 3, 3)[kept]
+    return Mesh(vertices=points, faces=triangles[kept], normals=smooth)
+
+
+def smoothed(part: Mesh, *, crease_rad: float) -> Mesh:
+    """Give a mesh the normals of the curved surface that its facets stand for.
+
+    The normal at a corner of a face is the mean of those faces around the corner that are inclined to it by
+    less than `crease_rad`, weighted by their angles there (Thuermer & Wuethrich, J. Graphics Tools 3(1),
+    1998). Faces that meet none but coplanar ones stay flat.
+
+    Args:
+        part: The mesh; corners within 0.01 mm of each other are one.
+        crease_rad: Largest angle between neighbours that are one surface [rad].
+
+    Returns:
+        The mesh with normals.
+    """
+    corners = part.vertices[part.faces].astype(np.float64)
+    edges = np.roll(corners, -1, axis=1) - corners
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    toward, back = edges, -np.roll(edges, 1, axis=1)
+    cosine = np.sum(toward * back, axis=2) / np.linalg.norm(toward, axis=2) / np.linalg.norm(back, axis=2)
+    angle = np.arccos(np.clip(cosine, -1, 1)).ravel()
+    _, place = np.unique(np.round(corners.reshape(-1, 3) * 1e5).astype(np.int64), axis=0, return_inverse=True)
+    first, second = _pairs(place.ravel())
+    one_surface = np.sum(normal[first // 3] * normal[second // 3], axis=1) > np.cos(crease_rad)
+    first, second = first[one_surface], second[one_surface]
+    weight = angle[second, None] * normal[second // 3]
+    total = np.stack([np.bincount(first, weight[:, k], len(angle)) for k in range(3)], axis=1)
+    total /= np.linalg.norm(total, axis=1, keepdims=True)
+    total = total.reshape(-1, 3, 3)
+    flat = np.abs(total - normal[:, None]).max(axis=(1, 2)) < _FLAT
+    total[flat] = 0.0
+    return Mesh(vertices=part.vertices, faces=part.faces, normals=total.astype(np.float32))
+
+
+def _pairs(place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return all ordered pairs of items that lie in one place, each item with itself included."""
+    order = np.argsort(place, kind="stable")
+    count = np.bincount(place)
+    start = np.cumsum(count) - count
+    times = count[place]
+    first = np.repeat(np.arange(len(place)), times)
+    within = np.arange(len(first)) - np.repeat(np.cumsum(times) - times, times)
+    return first, order[start[place[first]] + within]
 
 
 def areas(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
@@ -80,7 +132,11 @@ def merge(meshes: Iterable[Mesh]) -> Mesh:
         return Mesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.uint32))
     start = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     faces = [part.faces + np.uint32(offset) for part, offset in zip(parts, start, strict=True)]
-    return Mesh(vertices=np.concatenate([part.vertices for part in parts]), faces=np.concatenate(faces))
+    return Mesh(
+        vertices=np.concatenate([part.vertices for part in parts]),
+        faces=np.concatenate(faces),
+        normals=joined_normals(parts),
+    )
 
 
 def moved(
@@ -105,7 +161,8 @@ def moved(
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     turn = turn if rotation is None else turn @ np.asarray(rotation, dtype=np.float64)
     points = part.vertices.astype(np.float64) @ turn.T + np.asarray(offset_m, dtype=np.float64)
-    return Mesh(vertices=points.astype(np.float32), faces=part.faces)
+    normals = None if part.normals is None else (part.normals @ turn.T).astype(np.float32)
+    return Mesh(vertices=points.astype(np.float32), faces=part.faces, normals=normals)
 
 
 def mirrored(part: Mesh) -> Mesh:
@@ -117,7 +174,9 @@ def mirrored(part: Mesh) -> Mesh:
     Returns:
         The mirrored mesh.
     """
-    return Mesh(vertices=(part.vertices * np.array([1, -1, 1], np.float32)), faces=part.faces[:, ::-1].copy())
+    flip = np.array([1, -1, 1], np.float32)
+    normals = None if part.normals is None else part.normals[:, ::-1] * flip
+    return Mesh(vertices=part.vertices * flip, faces=part.faces[:, ::-1].copy(), normals=normals)
 
 
 def box(size_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.0, 0.0)) -> Mesh:
@@ -134,12 +193,14 @@ def box(size_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.0, 0.0)) ->
     return mesh(points, _quad_faces(_BOX_QUADS))
 
 
-def loft(rings: ArrayLike, *, caps: bool = True) -> Mesh:
+def loft(rings: ArrayLike, *, caps: bool = True, normals: ArrayLike | None = None) -> Mesh:
     """Make the surface between successive cross-sections.
 
     Args:
         rings: Cross-sections (K, N, 3) [m], each counter-clockwise seen from the side of the last one.
         caps: Whether to close both ends with triangle fans; the end rings must then be convex.
+        normals: Unit normals of the curved surface at the points of the rings (K, N, 3); None for flat sides.
+            Caps are flat.
 
     Returns:
         The mesh.
@@ -150,7 +211,26 @@ def loft(rings: ArrayLike, *, caps: bool = True) -> Mesh:
     if caps:
         fan = np.stack([np.zeros(size - 2), np.arange(1, size - 1), np.arange(2, size)], axis=1)
         faces = np.concatenate([faces, fan[:, ::-1], fan + (count - 1) * size])
-    return mesh(points.reshape(-1, 3), faces)
+    if normals is None:
+        return mesh(points.reshape(-1, 3), faces)
+    smooth = np.asarray(normals, dtype=np.float64).reshape(-1, 3)[faces.astype(np.int64)]
+    smooth[2 * (count - 1) * size :] = 0.0
+    return mesh(points.reshape(-1, 3), faces, smooth)
+
+
+def ring_normals(rings: ArrayLike) -> NDArray[np.float64]:
+    """Return the normals of the curved surface through successive rings, from the differences between points.
+
+    Args:
+        rings: Closed cross-sections (K, N, 3) [m], as for `loft`; no ring is a single point.
+
+    Returns:
+        Unit normals (K, N, 3).
+    """
+    points = np.asarray(rings, dtype=np.float64)
+    around = np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)
+    outwards = np.cross(around, np.gradient(points, axis=0))
+    return outwards / np.linalg.norm(outwards, axis=2, keepdims=True)
 
 
 def loft_quads(count: int, size: int) -> NDArray[np.int64]:
@@ -278,7 +358,10 @@ def tube(
     across /= np.linalg.norm(across)
     ring = circle(1.0, sides) @ np.stack([across, np.cross(axis, across)])
     last = radius_m if end_radius_m is None else end_radius_m
-    return loft(np.stack([start + radius_m * ring, end + last * ring]))
+    outwards = ring + (radius_m - last) / np.linalg.norm(end - start) * axis
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    rings = np.stack([start + radius_m * ring, end + last * ring])
+    return loft(rings, normals=np.stack([outwards, outwards]))
 
 
 def ellipsoid(
@@ -299,7 +382,9 @@ def ellipsoid(
     flat = np.cos(latitude)[:, None, None] * circle(1.0, sides)
     high = np.broadcast_to(np.sin(latitude)[:, None, None], (rows + 1, sides, 1))
     unit = np.concatenate([flat, high], axis=2)
-    return loft(unit * np.asarray(radii_m) + np.asarray(centre_m), caps=False)
+    outwards = unit / np.asarray(radii_m)
+    outwards /= np.linalg.norm(outwards, axis=2, keepdims=True)
+    return loft(unit * np.asarray(radii_m) + np.asarray(centre_m), caps=False, normals=outwards)
 
 
 def prototype(name: str, class_name: str, parts: dict[str, Mesh]) -> Prototype:

@@ -4,6 +4,7 @@ It also records occupied ground, so that objects do not overlap.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from echoscape.scenes.core.scene import CLASSES, Mesh, Placements, Prototype, StaticMesh
+from echoscape.scenes.core.scene import CLASSES, Mesh, Placements, Prototype, StaticMesh, joined_normals
 
 _CELL_M = 12.0
 
@@ -49,7 +50,7 @@ class SceneBuilder:
         instance = self._instance(class_name)
         for material, mesh in parts.items():
             lift = np.array([0.0, 0.0, base_m], dtype=np.float32)
-            lifted = Mesh(vertices=mesh.vertices + lift, faces=mesh.faces) if base_m else mesh
+            lifted = replace(mesh, vertices=mesh.vertices + lift) if base_m else mesh
             self._made.setdefault(material, []).append((lifted, instance))
         return instance
 
@@ -120,6 +121,7 @@ def _merged(parts: list[tuple[Mesh, int]]) -> StaticMesh:
             np.array([instance for _, instance in parts], dtype=np.uint32),
             [len(mesh.faces) for mesh, _ in parts],
         ),
+        normals=joined_normals([mesh for mesh, _ in parts]),
     )
 
 

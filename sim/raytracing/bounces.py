@@ -17,6 +17,7 @@ import numpy as np
 
 from echoscape.sim.raytracing.intersection import Hits, rotated_about_z
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
+from echoscape.sim.raytracing.surface.curvature import SlopeSpread, slope_spread
 from echoscape.sim.raytracing.surface.scattering import Surfaces
 from echoscape.sim.raytracing.surface.speckle import (
     PATCH_M,
@@ -137,6 +138,15 @@ def _te_share(direction: "mi.Vector3f", normal: "mi.Vector3f") -> "mi.Float":
     return dr.select(scale > 1e-8, dr.clip(share, 0, 1), 0.5)
 
 
+def _slope_spread(
+    hits: Hits, half: "mi.Vector3f", density: "mi.Float", length_m: "mi.Float"
+) -> SlopeSpread:
+    """Return the slopes of the surfaces within the footprints of rays of a density [1/sr] at a distance."""
+    return slope_spread(
+        hits.curvature, hits.twist, mi.Vector3f(hits.normal), half, dr.square(length_m) / density
+    )
+
+
 class BounceSampler:
     """Turns hits into return paths and reflected rays, by the scattering of the materials."""
 
@@ -208,10 +218,11 @@ class BounceSampler:
             Return paths (N) of bounce order 2 depth - 1.
         """
         cosine, power, share = self._reflected(rays, hits)
-        lobe = self._surfaces.mirror_lobe(hits.material, cosine, cosine, cosine, hits.active)
+        length = rays.travelled + hits.distance
+        spread = _slope_spread(hits, -mi.Vector3f(rays.direction), rays.density, mi.Float(length))
+        lobe = self._surfaces.mirror_lobe(hits.material, cosine, cosine, cosine, hits.active, spread)
         cosines = (cosine, cosine, mi.Float(1))
         brdf = share * lobe + self._surfaces.diffuse_lobe(1 - share, hits.material, cosines, hits.active)
-        length = rays.travelled + hits.distance
         length32 = mi.Float(length)
         received = self._link * dr.square(rays.gain * rays.weight) * power * brdf * cosine
         received /= dr.square(length32) * rays.density
@@ -259,13 +270,14 @@ class BounceSampler:
         half = _unit(mi.Vector3f(towards - rays.direction))
         cos_half = dr.dot(half, mi.Vector3f(hits.normal))
         active = hits.active & (cos_out > 1e-3)
-        lobe = self._surfaces.mirror_lobe(hits.material, cos_half, cosine, cos_out, active)
+        unfolded = rays.travelled + hits.distance
+        spread = _slope_spread(hits, half, rays.density, mi.Float(unfolded))
+        lobe = self._surfaces.mirror_lobe(hits.material, cos_half, cosine, cos_out, active, spread)
         cosines = (cosine, cos_out, mi.Float(-dr.dot(rays.direction, towards)))
         brdf = share * lobe + self._surfaces.diffuse_lobe(4 * (1 - share), hits.material, cosines, active)
         gains = rays.gain * self._gain_towards(mi.Vector3f(-towards), axis, active)
         received = self._link * gains * rays.weight * power * brdf * cos_out
         received /= dr.square(mi.Float(length)) * rays.density
-        unfolded = rays.travelled + hits.distance
         mean_rays = rays.density * (PATCH_M * PATCH_M) * cosine / dr.square(mi.Float(unfolded))
         _, real, imag = self._speckled(rays, hits, mean_rays)
         away = mi.Vector3f(rays.direction - towards) * 0.5

@@ -2,7 +2,8 @@
 
 The ray tracer finds the face that a ray meets. Point, distance and normal are then computed from the plane of
 that face in double precision, so that phases (4 pi r / lambda) are good to a fraction of a wavelength at any
-range.
+range. Faces that stand for a curved surface have a normal that varies over them, so that a round body has the
+cross-section of its curvature and no glint of a facet.
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from echoscape.sim.raytracing.surface.speckle import hash32
 
 _FAR_M = 1e30
 _NO_MOVER = 0xFFFFFFFF
+_LEAST_EXIT = 1e-3
+"""A ray reflected at a curved face leaves the plane of the face with this cosine to its normal or more."""
 
 
 @dataclass
@@ -26,7 +29,10 @@ class Hits:
         active: Whether anything was met.
         distance: Distance along the ray from its origin, double [m].
         point: Where the surface was met, double [m].
-        normal: Unit normal on the side of the ray, double.
+        normal: Unit normal on the side of the ray, double: interpolated over faces that stand for a curved
+            surface.
+        curvature: Elements xx, yy, zz of C = M M^T, M the derivative of the normal by place [1/m^2].
+        twist: Elements xy, xz, yz of C [1/m^2].
         material: Material id.
         instance: Instance id.
         local: The point in the frame of the object, double [m].
@@ -40,6 +46,8 @@ class Hits:
     distance: "mi.Float64"
     point: "mi.Point3d"
     normal: "mi.Vector3d"
+    curvature: "mi.Vector3f"
+    twist: "mi.Vector3f"
     material: "mi.UInt32"
     instance: "mi.UInt32"
     local: "mi.Point3d"
@@ -213,7 +221,7 @@ class RayScene:
         moving: "mi.Bool",
         valid: "mi.Bool",
     ) -> Hits:
-        """Compute point and normal from the plane of the face that was met."""
+        """Compute the point from the plane of the face that was met, and the normal there."""
         scene = self._scene
         position, cosine, sine = self._mover_frame(mover, azimuth, moving)
         placed = valid & ~moving
@@ -224,13 +232,21 @@ class RayScene:
         sine = dr.select(moving, sine, dr.gather(mi.Float64, scene.placement_sin, placement, placed))
         scale = dr.select(moving, 1.0, dr.gather(mi.Float64, scene.placement_scale, placement, placed))
         corner = mi.Vector3d(dr.gather(mi.Vector3f, scene.face_corner, face, valid)) * scale
+        corner = rotated_about_z(corner, cosine, sine) + position
         normal = mi.Vector3d(dr.gather(mi.Vector3f, scene.face_normal, face, valid))
         normal = rotated_about_z(normal, cosine, sine)
-        corner = rotated_about_z(corner, cosine, sine) + position
         facing = dr.dot(normal, direction)
         valid &= dr.abs(facing) > 1e-9
         distance = dr.select(valid, dr.dot(normal, corner - origin) / facing, _FAR_M)
         point = origin + direction * distance
+        curved = dr.gather(mi.UInt32, scene.face_curved, face, valid)
+        across = mi.Vector3f(rotated_about_z(point - corner, cosine, -sine) / scale)
+        normal = dr.select(facing > 0, -normal, normal)
+        smooth, columns = self._curved(curved, across)
+        smooth = rotated_about_z(smooth, cosine, sine)
+        smooth = _tilted_to_the_ray(dr.select(facing > 0, -smooth, smooth), normal, direction)
+        turn = mi.Float(cosine / scale), mi.Float(sine / scale), mi.Float(1 / scale)
+        columns = [_turned(each, *turn) for each in columns]
         local = dr.select(moving, rotated_about_z(point - position, cosine, -sine), point)
         instance = dr.gather(mi.UInt32, scene.face_instance, face, valid)
         instance = dr.select(
@@ -241,7 +257,9 @@ class RayScene:
             active=valid,
             distance=distance,
             point=point,
-            normal=dr.select(facing > 0, -normal, normal),
+            normal=dr.select(curved > 0, smooth, normal),
+            curvature=dr.select(curved > 0, mi.Vector3f(sum(each * each for each in columns)), 0),
+            twist=dr.select(curved > 0, mi.Vector3f(sum(_mixed(each) for each in columns)), 0),
             material=dr.gather(mi.UInt32, scene.face_material, face, valid),
             instance=dr.select(valid, instance, 0),
             local=mi.Point3d(local),
@@ -251,6 +269,17 @@ class RayScene:
             velocity=self._velocity_at(mi.Vector3f(point - position), mover, azimuth, moving),
         )
 
+    def _curved(self, curved: "mi.UInt32", across: "mi.Vector3f") -> "tuple[mi.Vector3d, list[mi.Vector3f]]":
+        """Return the normals of curved faces (rows from 1) at `across` [m] from their corners, object frame.
+
+        And the columns of their derivatives by place [1/m].
+        """
+        rows = [dr.gather(mi.Vector4f, self._scene.bend, curved * 3 + k, curved > 0) for k in range(3)]
+        first, *slopes = (mi.Vector3f(*(row[k] for row in rows)) for k in range(4))
+        normal = first + slopes[0] * across.x + slopes[1] * across.y + slopes[2] * across.z
+        length = dr.sqrt(dr.squared_norm(normal))
+        return mi.Vector3d(normal / length), [slope / length for slope in slopes]
+
     def _velocity_at(
         self, arm: "mi.Vector3f", mover: "mi.UInt32", azimuth: "mi.UInt32", moving: "mi.Bool"
     ) -> "mi.Vector3f":
@@ -259,6 +288,35 @@ class RayScene:
         velocity = dr.gather(mi.Vector3f, self._velocity, index, moving)
         yaw_rate = dr.gather(mi.Float, self._yaw_rate, index, moving)
         return dr.select(moving, velocity + mi.Vector3f(-yaw_rate * arm.y, yaw_rate * arm.x, 0), 0)
+
+
+def _tilted_to_the_ray(smooth: "mi.Vector3d", flat: "mi.Vector3d", direction: "mi.Vector3d") -> "mi.Vector3d":
+    """Tilt interpolated normals towards those of their faces where a ray would be reflected into the face.
+
+    Where a coarse facet is seen at grazing incidence the curved surface may face away from the ray. The
+    normal is then that which reflects the ray along the face.
+    """
+    reflected = direction - 2 * dr.dot(direction, smooth) * smooth
+    leaving = dr.dot(reflected, flat)
+    lifted = _unit(reflected + (_LEAST_EXIT - leaving) * flat)
+    return dr.select(leaving < _LEAST_EXIT, _unit(lifted - direction), smooth)
+
+
+def _turned(vector: "mi.Vector3f", cosine: "mi.Float", sine: "mi.Float", scale: "mi.Float") -> "mi.Vector3f":
+    """Return vectors turned about the vertical axis and scaled, by scaled cosines and sines."""
+    return mi.Vector3f(
+        cosine * vector.x - sine * vector.y, sine * vector.x + cosine * vector.y, scale * vector.z
+    )
+
+
+def _mixed(vector: "mi.Vector3f") -> "mi.Vector3f":
+    """Return the products xy, xz, yz of the parts of vectors."""
+    return mi.Vector3f(vector.x * vector.y, vector.x * vector.z, vector.y * vector.z)
+
+
+def _unit(vector: "mi.Vector3d") -> "mi.Vector3d":
+    """Return unit vectors, by exact root and division: reciprocal estimates differ between processors."""
+    return vector / dr.sqrt(dr.squared_norm(vector))
 
 
 def rotated_about_z(vector: "mi.Vector3d", cosine: "mi.Float64", sine: "mi.Float64") -> "mi.Vector3d":

@@ -21,12 +21,19 @@ SHAPE_SPACING_M = 50.0
 
 @dataclass(frozen=True, kw_only=True)
 class _Faces:
-    """The planes of F faces: corner and unit normal (F, 3) float32, material and instance (F,) uint32."""
+    """F faces: corner and unit normal (F, 3) float32, material and instance (F,) uint32, and curvature.
+
+    The normal of a curved face is proportional to n + M (p - corner) at a point p (Phong, Comm. ACM 18(6),
+    1975: linear between the normals at its corners). `bend` holds the rows of (n, M) of the C curved faces
+    (C, 12) float32; `curved` has the row of each face in it counted from 1, 0 for flat faces (F,) uint32.
+    """
 
     corner: NDArray[np.float32]
     normal: NDArray[np.float32]
     material: NDArray[np.uint32]
     instance: NDArray[np.uint32]
+    curved: NDArray[np.uint32]
+    bend: NDArray[np.float32]
 
 
 def _faces(mesh: Mesh, material: int, instance: NDArray[np.uint32] | None = None) -> _Faces:
@@ -35,12 +42,35 @@ def _faces(mesh: Mesh, material: int, instance: NDArray[np.uint32] | None = None
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.divide(normal, length, out=np.tile([0.0, 0.0, 1.0], (len(normal), 1)), where=length > 0)
+    curved, bend = _curvature(corners, normal, mesh.normals)
     return _Faces(
         corner=corners[:, 0].astype(np.float32),
         normal=normal.astype(np.float32),
         material=np.full(len(mesh.faces), material, np.uint32),
         instance=np.zeros(len(mesh.faces), np.uint32) if instance is None else instance.astype(np.uint32),
+        curved=curved,
+        bend=bend,
     )
+
+
+def _curvature(
+    corners: NDArray[np.float64], normal: NDArray[np.float64], smooth: NDArray[np.float32] | None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """Return row (F,) and coefficients (C, 12) of the curved faces among faces with corners (F, 3, 3)."""
+    curved = np.zeros(len(corners), np.uint32)
+    if smooth is None:
+        return curved, np.zeros((0, 12), np.float32)
+    rows = np.flatnonzero(np.any(smooth != 0, axis=(1, 2)))
+    curved[rows] = 1 + np.arange(len(rows))
+    first, second = (corners[rows, k] - corners[rows, 0] for k in (1, 2))
+    doubled = np.sum(np.cross(first, second) * normal[rows], axis=1)[:, None]
+    # Gradients of the barycentric coordinates of the second and third corner in the plane of the face.
+    along = np.cross(second, normal[rows]) / doubled, np.cross(normal[rows], first) / doubled
+    ends = smooth[rows].astype(np.float64)
+    slope = np.zeros((len(rows), 3, 3))
+    for k in (0, 1):
+        slope += (ends[:, k + 1] - ends[:, 0])[:, :, None] * along[k][:, None, :]
+    return curved, np.concatenate([ends[:, 0, :, None], slope], axis=2).astype(np.float32).reshape(-1, 12)
 
 
 def _shape(name: str, vertices: NDArray, faces: NDArray) -> "mi.Mesh":
@@ -70,7 +100,19 @@ def _concatenate(tables: Sequence[_Faces]) -> _Faces:
         normal=np.concatenate([table.normal for table in tables]),
         material=np.concatenate([table.material for table in tables]),
         instance=np.concatenate([table.instance for table in tables]),
+        curved=_concatenated_rows(tables),
+        bend=np.concatenate([table.bend for table in tables]),
     )
+
+
+def _concatenated_rows(tables: Sequence[_Faces]) -> NDArray[np.uint32]:
+    """Return the rows of the curved faces in the tables' joined coefficients."""
+    starts = np.cumsum([0] + [len(table.bend) for table in tables])
+    moved = [
+        np.where(table.curved > 0, table.curved + start, 0)
+        for table, start in zip(tables, starts, strict=False)
+    ]
+    return np.concatenate(moved).astype(np.uint32)
 
 
 def _registry_id(shape: "mi.Shape") -> int:
@@ -95,6 +137,8 @@ class MitsubaScene:
         face_normal: Unit normal of each face (3 F,).
         face_material: Material id of each face (F,).
         face_instance: Instance id of each face (F,), 0 where a placement gives it.
+        face_curved: Row of each face in `bend` counted from 1 (F,), 0 for flat faces.
+        bend: Normal of each curved face as a linear function of place, see `_Faces` (12 (C + 1),).
         shape_face: First face of each static mesh, by its Dr.Jit id.
         mover_shape_face: First face of the shapes of moving objects.
         placement: Number of each placement from 1, by its Dr.Jit id; 0 is none.
@@ -120,6 +164,8 @@ class MitsubaScene:
         self.face_normal = mi.Float(table.normal.ravel())
         self.face_material = mi.UInt32(table.material)
         self.face_instance = mi.UInt32(table.instance)
+        self.face_curved = mi.UInt32(table.curved)
+        self.bend = mi.Float(np.vstack([np.zeros((1, 12), np.float32), table.bend]).ravel())
 
     def _add(self, tables: list[_Faces], table: _Faces) -> int:
         """Append a face table and return where it begins."""

@@ -6,7 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.lane_graph import RoadGraph
-from echoscape.scenes.core.scene import CLASSES, Mesh, Mover, Placements, Prototype, Scene, StaticMesh
+from echoscape.scenes.core.scene import (
+    CLASSES,
+    Mesh,
+    Mover,
+    Placements,
+    Prototype,
+    Scene,
+    StaticMesh,
+    joined_normals,
+)
 from echoscape.scenes.core.trajectory import Trajectory
 
 
@@ -107,6 +116,7 @@ def _merged(parts: list[tuple[Mesh, int]]) -> StaticMesh:
             [mesh.faces + np.uint32(k) for (mesh, _), k in zip(parts, offsets, strict=False)]
         ),
         instance=np.concatenate([np.full(len(mesh.faces), instance, np.uint32) for mesh, instance in parts]),
+        normals=joined_normals([mesh for mesh, _ in parts]),
     )
 
 

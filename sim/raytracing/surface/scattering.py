@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from echoscape.scenes.core.materials import MATERIALS, Material
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
+from echoscape.sim.raytracing.surface.curvature import SlopeSpread
 from echoscape.sim.raytracing.surface.fresnel import reflected_power_table
 from echoscape.sim.settings.surfaces import SurfaceSettings
 
@@ -48,8 +49,16 @@ def lobe_integral(order: int, cos_in: NDArray[np.float64]) -> NDArray[np.float64
     return total / 2.0**order
 
 
-def _roughened(material: Material, settings: SurfaceSettings) -> Material:
-    """Return a material with changed roughness."""
+def roughened(material: Material, settings: SurfaceSettings) -> Material:
+    """Return a material with changed roughness.
+
+    Args:
+        material: The material.
+        settings: Factors on its roughness.
+
+    Returns:
+        The changed material; its scattering stays below 1.
+    """
     return replace(
         material,
         rms_height_m=material.rms_height_m * settings.rms_height,
@@ -71,7 +80,7 @@ class Surfaces:
             wavelength_m: Its wavelength [m].
             settings: Changes to the roughness of all materials; None is none.
         """
-        materials = [_roughened(each, settings or SurfaceSettings()) for each in MATERIALS.values()]
+        materials = [roughened(each, settings or SurfaceSettings()) for each in MATERIALS.values()]
         table = reflected_power_table(materials, carrier_hz, _STEPS)
         self._te_power = mi.Float(np.ascontiguousarray(table[..., 0]).ravel())
         self._tm_power = mi.Float(np.ascontiguousarray(table[..., 1]).ravel())
@@ -157,6 +166,7 @@ class Surfaces:
         cos_in: "mi.Float",
         cos_out: "mi.Float",
         active: "mi.Bool",
+        spread: SlopeSpread | None = None,
     ) -> "mi.Float":
         """Return the BRDF of the mirror part, D(h) / (4 cos_in cos_out).
 
@@ -166,14 +176,28 @@ class Surfaces:
             cos_in: Cosines of incidence (N).
             cos_out: Cosines of exit (N).
             active: Which entries to look up (N).
+            spread: Slopes of the half vector, and those of a curved surface in the footprint of the ray; None
+                for flat surfaces.
 
         Returns:
             BRDF per unit reflected power (N) [1/sr].
         """
         variance = dr.gather(mi.Float, self._slope_variance, material, active)
         cos2 = dr.maximum(cos_half * cos_half, 1e-6)
-        slopes = dr.exp((1 - 1 / cos2) / (2 * variance)) / (2 * math.pi * variance * cos2 * cos2)
+        if spread is None:
+            slopes = dr.exp((1 - 1 / cos2) / (2 * variance)) / (2 * math.pi * variance * cos2 * cos2)
+        else:
+            slopes = _slope_density(variance, spread) / (cos2 * cos2)
         return slopes / (4 * dr.maximum(cos_in, 1e-3) * dr.maximum(cos_out, 1e-3))
+
+
+def _slope_density(variance: "mi.Float", spread: SlopeSpread) -> "mi.Float":
+    """Return the density of the slopes of half vectors, Gaussian with the sum of both covariances."""
+    uu, vv, uv = variance + spread.variance_u, variance + spread.variance_v, spread.covariance
+    determinant = uu * vv - uv * uv
+    x, y = spread.along_u, spread.along_v
+    distance2 = (vv * x * x - 2 * uv * x * y + uu * y * y) / determinant
+    return dr.exp(-0.5 * distance2) / (2 * math.pi * dr.sqrt(determinant))
 
 
 def _looked_up(table: "mi.Float", material: "mi.UInt32", cosine: "mi.Float", active: "mi.Bool") -> "mi.Float":
