@@ -4,14 +4,15 @@ glTF has y up (Khronos glTF 2.0, section 3.4); the root node rotates the world's
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from trimesh.visual import TextureVisuals
-from trimesh.visual.material import PBRMaterial
 
 from echoscape.scenes.core.scene import Mesh, Scene
+
+if TYPE_CHECKING:
+    import trimesh  # slow to import: the functions that need it import it
 
 COLOURS: dict[str, tuple[float, float, float]] = {
     "concrete": (0.66, 0.65, 0.62),
@@ -30,7 +31,7 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 """Base colour (linear red, green, blue) of each material, for display only."""
 
 
-def gltf_scene(scene: Scene) -> trimesh.Scene:
+def gltf_scene(scene: Scene) -> "trimesh.Scene":
     """Convert a scene to a trimesh scene graph.
 
     Args:
@@ -39,6 +40,8 @@ def gltf_scene(scene: Scene) -> trimesh.Scene:
     Returns:
         One node per material, and one per part of each placement.
     """
+    import trimesh
+
     tree = trimesh.Scene()
     upright = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
     tree.graph.update(frame_to="town", frame_from="world", matrix=upright)
@@ -94,8 +97,12 @@ def is_complete_glb(path: Path) -> bool:
         return False
 
 
-def _geometry(mesh: Mesh, material: str) -> trimesh.Trimesh:
+def _geometry(mesh: Mesh, material: str) -> "trimesh.Trimesh":
     """Return a mesh with the colour of its material."""
+    import trimesh
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
     colour = [*COLOURS.get(material, (0.5, 0.5, 0.5)), 1.0]
     look = PBRMaterial(
         name=material,

@@ -11,16 +11,17 @@ import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from trimesh.resolvers import FilePathResolver
 
 from echoscape.scenes.core.scene import Mesh
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.scenes.io.wavefront import relabelled
+
+if TYPE_CHECKING:
+    import trimesh
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 UPS = ("z", "y")
@@ -150,8 +151,11 @@ def _loaded(path: Path, turn: NDArray[np.float64]) -> Iterator[MeshPart]:
         yield _part(path, owner, names, geometry, turn @ matrix)
 
 
-def _scene(path: Path, data: bytes) -> trimesh.Scene:
+def _scene(path: Path, data: bytes) -> "trimesh.Scene":
     """Load a file with trimesh; any exception becomes a one-line error."""
+    import trimesh  # slow to import, and only needed here
+    from trimesh.resolvers import FilePathResolver
+
     suffix = path.suffix.lower()
     options: dict[str, Any] = {"split_objects": True} if suffix == ".obj" else {}
     try:
@@ -174,7 +178,7 @@ def _line(error: Exception) -> str:
     return " ".join(str(error).split())[:200]
 
 
-def _gltf_names(scene: trimesh.Scene, node: str, geometry: str) -> tuple[str, tuple[str, ...]]:
+def _gltf_names(scene: "trimesh.Scene", node: str, geometry: str) -> tuple[str, tuple[str, ...]]:
     """Return the object of a glTF node, and its names: object, mesh and material.
 
     A mesh with several materials becomes one node per material, below the node with the name.
@@ -191,6 +195,8 @@ def _part(
     path: Path, owner: str, names: tuple[str, ...], geometry: object, matrix: NDArray[np.float64]
 ) -> MeshPart:
     """Check and transform one mesh, without its degenerate faces."""
+    import trimesh
+
     where = f"{path}: object {owner!r}"
     if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
         raise SceneError(f"{where} has no faces")
@@ -230,7 +236,7 @@ def _proper(where: str, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
     return proper
 
 
-def _check_ply(path: Path, data: bytes, scene: trimesh.Scene) -> None:
+def _check_ply(path: Path, data: bytes, scene: "trimesh.Scene") -> None:
     """Refuse a truncated ply file, which has fewer triangles than its header declares faces."""
     promised = 0
     for line in data.split(b"end_header", 1)[0].splitlines():

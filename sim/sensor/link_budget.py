@@ -10,10 +10,17 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import get_window
 
 from echoscape.sim.numerics.decibels import power_ratio
 from echoscape.sim.sensor.sensor import Sensor
+
+_WINDOWS = {
+    "hann": (0.5, 0.5),
+    "hamming": (0.54, 0.46),
+    "blackman": (0.42, 0.5, 0.08),
+    "boxcar": (1.0,),
+}
+"""Coefficients of the cosines of each window (Harris, Proc. IEEE 66(1), 1978, section V)."""
 
 
 @lru_cache(maxsize=8)
@@ -26,7 +33,9 @@ def window(sensor: Sensor) -> NDArray[np.float64]:
     Returns:
         The window (samples,).
     """
-    return np.asarray(get_window(sensor.window, sensor.samples), np.float64)
+    phase = np.linspace(-np.pi, np.pi, sensor.samples + 1)[:-1]
+    terms = [share * np.cos(order * phase) for order, share in enumerate(_WINDOWS[sensor.window])]
+    return np.sum(terms, axis=0)
 
 
 def written_units(sensor: Sensor) -> float:

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import gamma
+from scipy.special import gammainc, gammaincinv
 
 from echoscape.scenes.core.materials import MATERIALS
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
@@ -35,8 +35,8 @@ def quantile_means(shape: float) -> NDArray[np.float32]:
     count = 1 << _BITS
     if math.isinf(shape):
         return np.ones(count, np.float32)
-    edges = gamma.ppf(np.arange(count + 1) / count, shape)
-    return (np.diff(gamma.cdf(edges, shape + 1)) * count).astype(np.float32)
+    edges = gammaincinv(shape, np.arange(count + 1) / count)
+    return (np.diff(gammainc(shape + 1, edges)) * count).astype(np.float32)
 
 
 class Texture:
