@@ -368,6 +368,7 @@ class Simulator:
             saturated=output.saturated,
             first_obstacle_m=incoming.dominant.echoes.first_obstacle_m,
             boxes=mover_boxes(state.movers, state.poses, self.sensor),
+            attitude=artefacts.attitude * self._track.tilt(state.revolution.times_s),
         )
 
 

@@ -145,6 +145,12 @@ CASES = (
         text="each azimuth from the car's pose at its own time; off: all from mid-scan",
     ),
     ArtefactCase(
+        name="attitude",
+        span_m=160.0,
+        region="direct",
+        text="pitch and roll of the car tilt the beam, by up to a degree: what lies in it differs by direction",
+    ),
+    ArtefactCase(
         name="doppler",
         strength_text=quantity("m per m/s"),
         view="overlay",

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import root_scalar
-from scipy.signal import lfilter
 
 from echoscape.scenes.core.checks import check_between
 from echoscape.scenes.core.lane_graph import RoadGraph
@@ -36,7 +35,7 @@ EGO_EXTENT_M = (4.8, 2.0, 1.5)
 """Length, width and height of the ego vehicle [m]."""
 ROUGHNESS_M3 = {"street": 400e-6, "fast": 256e-6}
 """Degree of roughness (ISO 8608) of streets, and of roads outside towns: both class C. Calibrated to the
-pitch and roll of real cars on flat roads (docs/physics.md): it includes manholes, ramps and crossfall [m^3]."""
+pitch and roll of real cars on flat roads (docs/physics.md); includes manholes, ramps and crossfall [m^3]."""
 
 _STEP_M = 0.25
 _SPARE_M = 80.0
@@ -298,6 +297,8 @@ def trailing_yaw(path: LanePath, *, rear_axle_m: float) -> NDArray[np.float64]:
     Returns:
         Yaw (S,) [rad].
     """
+    from scipy.signal import lfilter  # slow to import; a drive that is known needs none
+
     ratio = path.step_m / rear_axle_m
     decay = np.exp(-ratio)
     mean = (1 - decay) / ratio

@@ -1,9 +1,9 @@
 """The unevenness of a road along both wheel tracks, as ISO 8608 classes it.
 
 The displacement spectrum of one track is Gd(n0) (n / n0)^-2 with n0 = 0.1 cycles/m (ISO 8608:2016), flat
-below 0.01 cycles/m. Both tracks belong to one isotropic surface (Dodds & Robson, J. Sound Vib. 31(2), 1973): at a
-distance b their coherence is x K1(x), x = 2 pi n b, which c^2 / (x^2 + c^2) with c^2 = 1.3 meets within 0.05.
-Mean and difference of the tracks are then independent, and each is white noise through first-order filters.
+below 0.01 cycles/m. Both tracks belong to one isotropic surface (Dodds & Robson, J. Sound Vib. 31(2), 1973):
+at a distance b their coherence is x K1(x), x = 2 pi n b, which c^2 / (x^2 + c^2) with c^2 = 1.3 meets within
+0.05. Mean and difference of the tracks are then independent, and each is white noise through first-order filters.
 
 Here and there real roads are far less even than their mean spectrum: patches, covers, ramps. Their local
 roughness is drawn from a gamma distribution, stretch by stretch, so that heights are Laplacian rather than
@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 ROUGHNESS_M3 = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}
 """Degree of roughness Gd(n0) of the classes of ISO 8608, geometric mean [m^3]."""
@@ -79,5 +78,7 @@ def road_profile(
 
 def _decaying(steps: NDArray[np.float64], rate_per_m: float) -> NDArray[np.float64]:
     """Return the sum of steps (S,) that decay with distance, 0 at the first sample."""
+    from scipy.signal import lfilter  # slow to import; a drive that is known needs none
+
     decay = math.exp(-rate_per_m * STEP_M)
     return np.concatenate([[0.0], lfilter([1.0], [1.0, -decay], steps[:-1])])

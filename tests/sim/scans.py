@@ -40,6 +40,7 @@ def drawn_scan(*, seed: int = 1, movers: int = 2, sensor: Sensor = CTS350X) -> P
         saturated=rng.random(shape[0]) < 0.5,
         first_obstacle_m=np.where(rng.random(shape[0]) < 0.5, np.inf, 7.0).astype(np.float32),
         boxes=boxes,
+        attitude=rng.normal(size=(shape[0], 2)),
     )
     return PolarScan(
         codes=rng.integers(0, 255, shape, np.uint8),

@@ -1,6 +1,7 @@
 """Moving objects as two tables: movers.csv (what they are) and tracks.csv (their poses over time).
 
-World frame, z up, yaw counter-clockwise from world x; times on the clock of the scans' time stamps. The car
+World frame, z up, yaw counter-clockwise from world x, pitch positive with the nose up, roll positive with the
+right side down; times on the clock of the scans' time stamps. The car
 that carries the radar is instance 0 in tracks.csv.
 """
 
@@ -17,7 +18,9 @@ from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text
 from echoscape.sim.datasets.polar_scan import EPOCH_US
 
 MOVER_COLUMNS = "instance,class,prototype,length_m,width_m,height_m"
-TRACK_COLUMNS = "timestamp_us,instance,x_m,y_m,z_m,yaw_rad,vx_mps,vy_mps,yaw_rate_rps"
+_LEVEL_COLUMNS = "timestamp_us,instance,x_m,y_m,z_m,yaw_rad,vx_mps,vy_mps,yaw_rate_rps"
+"""Those of older files."""
+TRACK_COLUMNS = _LEVEL_COLUMNS + ",pitch_rad,roll_rad"
 
 
 def movers_csv(movers: Sequence[Mover]) -> str:
@@ -37,13 +40,16 @@ def movers_csv(movers: Sequence[Mover]) -> str:
     return "\n".join([MOVER_COLUMNS, *rows]) + "\n"
 
 
-def tracks_csv(car: Trajectory, movers: Sequence[Mover], times_s: NDArray[np.float64]) -> str:
+def tracks_csv(
+    car: Trajectory, movers: Sequence[Mover], times_s: NDArray[np.float64], *, attitude: float = 1.0
+) -> str:
     """Format tracks.csv.
 
     Args:
         car: Trajectory of the car that carries the radar.
         movers: The movers.
         times_s: Times of the rows (T,) [s].
+        attitude: Factor on the pitch and roll of the car, as in `sim.settings.artefacts.Artefacts`.
 
     Returns:
         Text with the poses and velocities of car and movers, in order of time. A pose is that of the middle
@@ -51,15 +57,18 @@ def tracks_csv(car: Trajectory, movers: Sequence[Mover], times_s: NDArray[np.flo
     """
     tracks = {0: car} | {mover.instance: mover.track for mover in movers}
     states = [
-        np.hstack([track.pose(times_s), track.velocity(times_s)[:, [0, 1, 3]]]) for track in tracks.values()
+        np.hstack(
+            [track.pose(times_s), track.velocity(times_s)[:, [0, 1, 3]], attitude * track.tilt(times_s)]
+        )
+        for track in tracks.values()
     ]
     lines = [TRACK_COLUMNS]
     for i, time_s in enumerate(times_s):
         stamp = EPOCH_US + round(float(time_s) * 1e6)
         for instance, state in zip(tracks, states, strict=True):
-            x, y, z, yaw, *rates = state[i] + 0.0
-            rate = ",".join(f"{value:.4f}" for value in rates)
-            lines.append(f"{stamp},{instance},{x:.3f},{y:.3f},{z:.3f},{yaw:.4f},{rate}")
+            x, y, z, yaw, *others = state[i] + 0.0
+            rest = ",".join(f"{value:.4f}" for value in others)
+            lines.append(f"{stamp},{instance},{x:.3f},{y:.3f},{z:.3f},{yaw:.4f},{rest}")
     return "\n".join(lines) + "\n"
 
 
@@ -117,7 +126,7 @@ def read_car_track(path: Path) -> CarTrack:
         DatasetError: The file is absent, has another header, or has no valid row of the car.
     """
     lines = read_text(path).splitlines()
-    if not lines or lines[0] != TRACK_COLUMNS:
+    if not lines or lines[0] not in (TRACK_COLUMNS, _LEVEL_COLUMNS):
         raise DatasetError(f"{path}: the header is not {TRACK_COLUMNS}")
     rows = [words for words in (line.split(",") for line in lines[1:]) if words[1:2] == ["0"]]
     if not rows:

@@ -32,8 +32,9 @@ _BOXES = {
 }
 _LATER_CELLS = ("displaced",)
 _LATER_BOXES = {"box_row": "row", "box_row_centre": "row_centre", "box_row_yaw": "row_yaw"}
+_LATER_SCAN = ("attitude",)
 _FIRST = (*_CELLS, *_SCAN, *_BOXES)
-NAMES = (*_FIRST, *_LATER_CELLS, *_LATER_BOXES)
+NAMES = (*_FIRST, *_LATER_CELLS, *_LATER_BOXES, *_LATER_SCAN)
 """Names of the arrays in a truth file, in their order; the later ones are absent from older files."""
 
 
@@ -54,6 +55,7 @@ def truth_arrays(truth: ScanTruth) -> dict[str, NDArray]:
     arrays |= {name: getattr(truth.boxes, field) for name, field in _BOXES.items()}
     later = {name: getattr(truth.cells, name) for name in _LATER_CELLS}
     later |= {name: getattr(truth.boxes, field) for name, field in _LATER_BOXES.items()}
+    later |= {name: getattr(truth, name) for name in _LATER_SCAN}
     return arrays | {name: values for name, values in later.items() if values is not None}
 
 
@@ -111,6 +113,7 @@ def read_truth(path: Path) -> ScanTruth:
         boxes=MoverBoxes(
             **{field: found[name] for name, field in (_BOXES | _LATER_BOXES).items() if name in found}
         ),
+        **{name: found[name] for name in _LATER_SCAN if name in found},
     )
 
 

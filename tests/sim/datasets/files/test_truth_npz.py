@@ -93,10 +93,17 @@ def test_older_truth_opens_with_none_for_what_it_lacks(tmp_path: Path) -> None:
         truth,
         cells=replace(truth.cells, displaced=None),
         boxes=replace(truth.boxes, row=None, row_centre=None, row_yaw=None),
+        attitude=None,
     )
     write_truth(tmp_path / "older.npz", older)
     with np.load(tmp_path / "older.npz") as arrays:
-        assert set(NAMES) - set(arrays.files) == {"displaced", "box_row", "box_row_centre", "box_row_yaw"}
+        assert set(NAMES) - set(arrays.files) == {
+            "displaced",
+            "box_row",
+            "box_row_centre",
+            "box_row_yaw",
+            "attitude",
+        }
     assert read_truth(tmp_path / "older.npz") == older
 
 
