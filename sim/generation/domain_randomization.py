@@ -28,7 +28,7 @@ BEAM = (0.85, 1.3)
 ELEVATION = (0.8, 1.25)
 """Factor on the elevation beam's width."""
 CLIPPING_DB = (-5.0, 4.0)
-"""Added to the level at which the converter clips."""
+"""Added to the levels at which the receiver compresses and its converter clips."""
 PHASE_NOISE_DB = (-4.0, 4.0)
 """Added to the phase noise's density."""
 RANGE_GAIN = (0.3, 1.6)
@@ -88,13 +88,15 @@ def _sensor(sensor: Sensor, rng: np.random.Generator) -> Sensor:
         antenna_gain_db=sensor.antenna_gain_db - 10 * float(np.log10(azimuth * elevation)) - 0.3,
     )
     gain = _within(rng, RANGE_GAIN)
+    clipping_db = _within(rng, CLIPPING_DB)
     return replace(
         wider,
         system_loss_db=sensor.system_loss_db + _within(rng, LOSS_DB),
         noise_figure_db=sensor.noise_figure_db + noise_db,
         noise_units=sensor.noise_units * 10 ** (noise_db / 10),
         bandwidth_hz=sensor.bandwidth_hz * _within(rng, BANDWIDTH),
-        full_scale_db=sensor.full_scale_db + _within(rng, CLIPPING_DB),
+        full_scale_db=sensor.full_scale_db + clipping_db,
+        compression_dbm=sensor.compression_dbm + clipping_db,
         phase_noise_dbc_hz=sensor.phase_noise_dbc_hz + _within(rng, PHASE_NOISE_DB),
         range_gain_db=tuple((range_m, level * gain) for range_m, level in sensor.range_gain_db),
         mount_height_m=max(sensor.mount_height_m + _within(rng, HEIGHT_M), 0.3),

@@ -1,8 +1,7 @@
-"""From a grid of echoes to the signal at the converter: leakage, phase noise, thermal noise.
+"""From a grid of echoes to the signal at the converter: leakage, phase noise, compression, thermal noise.
 
-Everything before the converter is linear in the echoes, and its random draws depend on the scan alone, so
-settings of artefacts share them: a result is kept for the next setting, and the order of settings changes no
-byte.
+Its random draws depend on the scan alone, so that settings of artefacts share them: a result is kept for the
+next setting, and the order of settings changes no byte.
 """
 
 import math
@@ -15,7 +14,9 @@ from numpy.typing import NDArray
 
 from echoscape.sim.echoes import point_echoes
 from echoscape.sim.numerics.decibels import power_ratio
-from echoscape.sim.receiver.if_signal import beat, echo_grid, spectrum
+from echoscape.sim.numerics.normal import standard_normal
+from echoscape.sim.receiver.compression import ONE_DB, compression_gain, saturation_amplitude
+from echoscape.sim.receiver.if_signal import analytic_beat, beat, echo_grid, spectrum, sweep_ripple
 from echoscape.sim.receiver.phase_noise import Modulation, modulated, modulation, phase_noise, sample_count
 from echoscape.sim.receiver.range_fft import azimuth_blocks, written_power
 from echoscape.sim.sensor.sensor import Sensor
@@ -29,16 +30,17 @@ _Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
-class Part:
-    """The part of a signal that echoes or noise have alone, in every PART_STEP-th bin.
+class Mixed:
+    """The beat signal after the mixer.
 
     Attributes:
-        spectrum: Spectrum (azimuths, bins / PART_STEP) complex64 [sqrt(W)].
-        power: Written power (azimuths, bins / PART_STEP) float32.
+        signal: The signal (azimuths, samples) float32 [sqrt(W)].
+        overdriven: Whether echoes drove the receiver beyond its 1-dB compression point at each azimuth
+            (azimuths,) bool.
     """
 
-    spectrum: NDArray[np.complex64]
-    power: NDArray[np.float32]
+    signal: NDArray[np.float32]
+    overdriven: NDArray[np.bool_]
 
 
 class _Latest(Generic[_Result]):
@@ -91,7 +93,6 @@ class NoiseRealisation:
         self._white: NDArray[np.float32] | None = None
         self._phase: list[NDArray[np.float32]] = []
         self._thermal: _Latest[NDArray[np.float32]] = _Latest()
-        self._parts: _Latest[Part] = _Latest()
         self._modulation: _Latest[list[Modulation]] = _Latest()
 
     def thermal(self, kelvin: float) -> NDArray[np.float32] | None:
@@ -111,20 +112,9 @@ class NoiseRealisation:
         sensor = self._sensor
         if self._white is None:
             shape = (sensor.azimuths, sensor.samples)
-            self._white = self._noise_rng.standard_normal(shape, dtype=np.float32)
+            self._white = standard_normal(shape, rng=self._noise_rng)
         power_w = sensor.thermal_noise_w * (kelvin / sensor.noise_temperature_k)
         return self._white * np.float32(math.sqrt(power_w))
-
-    def thermal_part(self, kelvin: float) -> Part:
-        """Compute the part of the thermal noise.
-
-        Args:
-            kelvin: Noise temperature [K].
-
-        Returns:
-            Spectrum and written power of the noise alone.
-        """
-        return self._parts.get(kelvin, lambda: _part(self.thermal(kelvin), self._sensor))
 
     def modulation(self, level: float) -> list[Modulation]:
         """Draw the effect of phase noise.
@@ -161,49 +151,80 @@ class FrontEnd:
         """
         self.draws = draws
         self._grid, self._sensor = grid, sensor
-        self._mixed: _Latest[NDArray[np.float32]] = _Latest()
-        self._echo: _Latest[Part] = _Latest()
+        self._mixed: _Latest[Mixed] = _Latest()
+        self._echo: _Latest[NDArray[np.float32]] = _Latest()
 
-    def mixed(self, *, leakage: float, level: float) -> NDArray[np.float32]:
+    def mixed(self, *, leakage: float, level: float, saturation: float) -> Mixed:
         """Compute the beat signal after the mixer, without thermal noise.
 
         Args:
             leakage: Power of the leakage relative to the sensor's.
             level: Amplitude of the phase noise relative to the sensor's.
+            saturation: Amplitude at the compressing stage relative to the sensor's; 0 does not compress.
 
         Returns:
-            The beat signal (azimuths, samples) float32 [sqrt(W)].
+            The beat signal.
         """
-        return self._mixed.get((leakage, level), lambda: self._mix(leakage, level))
+        return self._mixed.get((leakage, level, saturation), lambda: self._mix(leakage, level, saturation))
 
-    def echo_part(self, *, leakage: float) -> Part:
-        """Compute the part of echoes and leakage, without phase noise.
+    def echo_signal(self, *, leakage: float) -> NDArray[np.float32]:
+        """Compute the beat signal of echoes and leakage alone: neither phase noise nor compression.
 
         Args:
             leakage: Power of the leakage relative to the sensor's.
 
         Returns:
-            Spectrum and written power of echoes and leakage alone.
+            The signal (azimuths, samples) float32 [sqrt(W)].
         """
-        return self._echo.get(leakage, lambda: _part(self.mixed(leakage=leakage, level=0.0), self._sensor))
+        return self.mixed(leakage=leakage, level=0.0, saturation=0.0).signal
 
-    def _mix(self, leakage: float, level: float) -> NDArray[np.float32]:
+    def echo_power(self, *, leakage: float) -> NDArray[np.float32]:
+        """Compute the power that echoes and leakage alone would write.
+
+        Args:
+            leakage: Power of the leakage relative to the sensor's.
+
+        Returns:
+            Written power (azimuths, bins / PART_STEP) float32, in every PART_STEP-th bin.
+        """
+        return self._echo.get(leakage, lambda: coarse_power(self.echo_signal(leakage=leakage), self._sensor))
+
+    def _mix(self, leakage: float, level: float, saturation: float) -> Mixed:
         sensor = self._sensor
         leak = leakage_grid(sensor) * np.float32(math.sqrt(leakage))
         signal = np.empty((sensor.azimuths, sensor.samples), np.float32)
+        overdriven = np.zeros(sensor.azimuths, np.bool_)
         noisy = self.draws.modulation(level) if level else None
+        ripple = sweep_ripple(sensor).astype(np.float32)
         for number, block in enumerate(azimuth_blocks(sensor.azimuths)):
             grid = (self._grid[block] + leak).astype(np.complex64, copy=False)
-            signal[block] = modulated(grid, sensor, noisy[number]) if noisy else beat(grid, sensor)
-        return signal
+            if not (noisy or saturation):
+                signal[block] = beat(grid, sensor)
+                continue
+            if noisy:
+                tones = modulated(grid, sensor, noisy[number])
+            else:
+                tones = analytic_beat(grid, sensor, count=sensor.samples)
+            np.multiply(tones.real, ripple, out=signal[block])
+            if saturation:
+                gain = compression_gain(tones, saturation_amplitude(sensor) / saturation)
+                overdriven[block] = gain.min(axis=1) < ONE_DB
+                signal[block] *= gain
+        return Mixed(signal, overdriven)
 
 
-def _part(signal: NDArray[np.float32] | None, sensor: Sensor) -> Part:
-    """Return the part of a signal (azimuths, samples), zeros where there is none."""
-    shape = (sensor.azimuths, -(-sensor.bins // PART_STEP))
-    found, power = np.zeros(shape, np.complex64), np.zeros(shape, np.float32)
-    if signal is not None:
-        for block in azimuth_blocks(sensor.azimuths):
-            found[block] = spectrum(signal[block], sensor, step=PART_STEP)
-            written_power(found[block], sensor, step=PART_STEP, out=power[block])
-    return Part(found, power)
+def coarse_power(signal: NDArray[np.float32], sensor: Sensor) -> NDArray[np.float32]:
+    """Compute the power that a signal alone would write.
+
+    Args:
+        signal: The signal (azimuths, samples) [sqrt(W)].
+        sensor: The radar.
+
+    Returns:
+        Written power (azimuths, bins / PART_STEP) float32, in every PART_STEP-th bin.
+    """
+    power = np.empty((len(signal), -(-sensor.bins // PART_STEP)), np.float32)
+    for block in azimuth_blocks(len(signal)):
+        found = spectrum(signal[block], sensor, step=PART_STEP)
+        written_power(found, sensor, step=PART_STEP, out=power[block])
+    return power

@@ -14,6 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_array
 
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.numerics.fft import ifft, irfft, rfft
@@ -65,19 +66,18 @@ def echo_grid(echoes: Echoes, sensor: Sensor, *, azimuths: int | None = None) ->
     """
     bins = sensor.fft_size // 2
     place = np.clip(grid_place(echoes.range_m, sensor), 0, bins - 1.001)
-    cell = place.astype(np.int64)
-    fraction = (place - cell).astype(np.float32)
-    index = echoes.azimuth * np.int64(bins) + cell
+    cell = place.astype(np.int32)
     azimuths = sensor.azimuths if azimuths is None else azimuths
-    size = azimuths * bins
-    grid = np.empty((azimuths, bins), np.complex64)
-    for part in ("real", "imag"):
-        values = getattr(echoes.amplitude, part)
-        upper = values * fraction
-        total = np.bincount(index, values - upper, size)
-        total[1:] += np.bincount(index, upper, size)[:-1]
-        setattr(grid, part, total.reshape(grid.shape))
-    return grid
+    index = np.empty((len(echoes), 2), np.int32)
+    np.add(echoes.azimuth.astype(np.int32, copy=False) * np.int32(bins), cell, out=index[:, 0])
+    np.add(index[:, 0], 1, out=index[:, 1])
+    weight = np.empty((len(echoes), 2), np.float32)
+    np.subtract(place, cell, out=weight[:, 1], casting="same_kind")
+    np.subtract(1, weight[:, 1], out=weight[:, 0])
+    ends = np.arange(0, index.size + 1, 2, dtype=np.int32)
+    # Every echo is a column with two weights: the product with the amplitudes adds them up in one pass.
+    columns = csc_array((weight.ravel(), index.ravel(), ends), shape=(azimuths * bins, len(echoes)))
+    return np.asarray(columns @ echoes.amplitude, np.complex64).reshape(azimuths, bins)
 
 
 @lru_cache(maxsize=8)

@@ -9,15 +9,17 @@ exact for any strength of noise, but for sidebands that fall beyond half the sam
 echoes.
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import rfftfreq
+from scipy.fft import next_fast_len, rfftfreq
 
-from echoscape.sim.numerics.fft import fft, ifft, irfft, rfft
-from echoscape.sim.receiver.if_signal import analytic_beat, sweep_ripple
+from echoscape.sim.numerics.fft import fft, ifft, irfft
+from echoscape.sim.numerics.normal import standard_normal
+from echoscape.sim.receiver.if_signal import analytic_beat
 from echoscape.sim.sensor.sensor import Sensor
 
 
@@ -26,29 +28,32 @@ def phase_noise(
 ) -> NDArray[np.float32]:
     """Draw the synthesiser's phase at the converter's rate.
 
-    Its one-sided density is twice the single-sideband level L0 / (1 + (f / corner)^2) [rad^2/Hz].
+    Its one-sided density is twice the single-sideband level L0 / (1 + (f / corner)^2) [rad^2/Hz]. It is drawn
+    in frequency, where its values are independent.
 
     Args:
         sensor: The radar.
         azimuths: Number of azimuths.
-        count: Samples of each.
+        count: Samples of each, even.
         rng: Draws the phase.
 
     Returns:
         Phase (azimuths, count) float32 [rad].
     """
-    white = rng.standard_normal((azimuths, count), dtype=np.float32)
-    return irfft(rfft(white) * _shape(sensor, count), count)
+    drawn = standard_normal((azimuths, count + 2), rng=rng).view(np.complex64)
+    drawn *= _shape(sensor, count)
+    return irfft(drawn, count)
 
 
 @lru_cache(maxsize=8)
 def _shape(sensor: Sensor, count: int) -> NDArray[np.float32]:
-    """Return the amplitude (count / 2 + 1,) that gives white noise of variance 1 the phase's density."""
+    """Return the standard deviation (count / 2 + 1,) of real and imaginary part of the phase's transform."""
     frequency = rfftfreq(count, 1 / sensor.sample_hz)
     level = 10 ** (sensor.phase_noise_dbc_hz / 10) / (1 + (frequency / sensor.phase_noise_corner_hz) ** 2)
-    # White noise of variance 1 has the one-sided density 2 / fs.
-    shape = np.sqrt(level * sensor.sample_hz)
+    # White noise of variance 1 has the one-sided density 2 / fs, and `count` as mean square of its transform.
+    shape = np.sqrt(level * sensor.sample_hz * count / 2)
     shape[0] = 0.0  # a constant phase is no noise
+    shape[-1] *= math.sqrt(2)  # half the sampling rate has a real part only
     return shape.astype(np.float32)
 
 
@@ -59,9 +64,9 @@ def sample_count(sensor: Sensor) -> int:
         sensor: The radar.
 
     Returns:
-        A power of two.
+        A multiple of 32 that is quick to transform, without prime factors above 5.
     """
-    return 1 << int(np.ceil(np.log2(sensor.samples * 1.05)))
+    return 32 * int(next_fast_len(math.ceil(sensor.samples * 1.05 / 32), real=True))
 
 
 @lru_cache(maxsize=8)
@@ -107,8 +112,8 @@ def modulation(phase: NDArray[np.float32], sensor: Sensor) -> Modulation:
     return Modulation(carrier[:, _inside(sensor, count)].copy(), ifft(tones, overwrite=True))
 
 
-def modulated(grid: NDArray[np.complex64], sensor: Sensor, modulation: Modulation) -> NDArray[np.float32]:
-    """Compute the beat signal of a grid of echoes under phase noise.
+def modulated(grid: NDArray[np.complex64], sensor: Sensor, modulation: Modulation) -> NDArray[np.complex64]:
+    """Compute the beat tones of a grid of echoes under phase noise, without the sweep's ripple.
 
     Args:
         grid: Grid of echoes (azimuths, fft_size / 2) complex64 [sqrt(W)].
@@ -116,7 +121,7 @@ def modulated(grid: NDArray[np.complex64], sensor: Sensor, modulation: Modulatio
         modulation: The effect of the phase.
 
     Returns:
-        The beat signal (azimuths, samples) float32 [sqrt(W)].
+        Complex tones (azimuths, samples) complex64 [sqrt(W)], whose real part is the beat signal.
     """
     count = modulation.late.shape[1]
     early = grid * _delay(sensor, sensor.sample_hz / sensor.fft_size, grid.shape[1]).conj()
@@ -124,14 +129,12 @@ def modulated(grid: NDArray[np.complex64], sensor: Sensor, modulation: Modulatio
     received *= modulation.late
     tones = fft(received, overwrite=True)
     tones *= _wide_delay(sensor, count)
-    tone, turn = ifft(tones, overwrite=True)[:, _inside(sensor, count)], modulation.turn
-    mixed = np.asarray(tone.real * turn.real - tone.imag * turn.imag, np.float32)
-    return mixed * sweep_ripple(sensor).astype(np.float32)
+    return ifft(tones, overwrite=True)[:, _inside(sensor, count)] * modulation.turn
 
 
 def _wide_delay(sensor: Sensor, count: int) -> NDArray[np.complex64]:
     """Return the delaying filter (count,) of tones that last `count` samples."""
-    return _delay(sensor, sensor.sample_hz / sensor.fft_size * (sensor.fft_size // count), count)
+    return _delay(sensor, sensor.sample_hz / count, count)
 
 
 def _inside(sensor: Sensor, count: int) -> slice:

@@ -96,6 +96,21 @@ def written_power(
     return np.multiply(power, _written_gain(sensor)[::step], out=out)
 
 
+def thermal_power(sensor: Sensor, *, kelvin: float) -> NDArray[np.float32]:
+    """Compute the expected written power of thermal noise.
+
+    Args:
+        sensor: The radar; before the gain by range it writes noise of its own temperature as `noise_units`.
+        kelvin: Noise temperature [K].
+
+    Returns:
+        Power (bins,) float32 [units of written power].
+    """
+    ranges = (np.arange(sensor.bins) + BIN_CENTRE) * sensor.bin_m
+    level = sensor.noise_units * kelvin / sensor.noise_temperature_k
+    return (level * range_gain(sensor, ranges)).astype(np.float32)
+
+
 @lru_cache(maxsize=8)
 def _written_gain(sensor: Sensor) -> NDArray[np.float32]:
     """Return the written power (bins,) of a unit of |FFT|^2."""

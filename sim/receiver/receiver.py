@@ -1,8 +1,9 @@
-"""The receiver: leakage, phase noise, thermal noise, converter, window, FFT, gain and quantiser.
+"""The receiver: leakage, phase noise, compression, thermal noise, converter, window, FFT, gain and quantiser.
 
-Artefacts are not added to the image but arise in the signal: a strong echo clips the converter, from which
-its harmonics and the raised noise floor of its azimuth follow; a strong far echo carries its phase-noise
-skirt. The power is computed from the converter's integers alone (`sim.receiver.range_fft`).
+Artefacts are not added to the image but arise in the signal: strong echoes are compressed together, from
+which their ceiling and their intermodulation follow; one that clips the converter has harmonics; a strong far
+echo carries its phase-noise skirt. The power is computed from the converter's integers alone
+(`sim.receiver.range_fft`).
 """
 
 from dataclasses import dataclass
@@ -11,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.sim.datasets.beat_signal import BeatSignal, finely_sampled, joined, sampled
-from echoscape.sim.receiver.front_end import PART_STEP, FrontEnd, NoiseRealisation
+from echoscape.sim.receiver.front_end import PART_STEP, FrontEnd, NoiseRealisation, coarse_power
 from echoscape.sim.receiver.if_signal import spectrum
-from echoscape.sim.receiver.range_fft import azimuth_blocks, written_power
+from echoscape.sim.receiver.range_fft import azimuth_blocks, thermal_power, written_power
 from echoscape.sim.sensor.link_budget import full_scale_amplitude
 from echoscape.sim.sensor.sensor import Sensor
 from echoscape.sim.settings.artefacts import Artefacts, Strengths
@@ -27,9 +28,11 @@ class Received:
         power: What the quantiser takes (azimuths, bins) float32.
         echo: Part of the echoes (azimuths, bins / PART_STEP) float32, in every PART_STEP-th bin; without
             bins where parts were not asked for.
-        noise: Part of the thermal noise, as `echo`.
-        distortion: Part of everything non-linear (clipping, converter steps, phase noise), as `echo`.
-        saturated: Whether a sample of each azimuth was clipped (azimuths,) bool.
+        noise: Expected part of the thermal noise (1, bins / PART_STEP) float32, alike at all azimuths.
+        distortion: Part of everything non-linear (compression, clipping, converter steps, phase noise) and of
+            other radars, as `echo`.
+        saturated: Whether a sample of each azimuth was compressed by 1 dB or more, or clipped (azimuths,)
+            bool.
         others: Part of other radars, as `echo`, None where they are silent.
         beat: The signal that the power was computed from, None unless it was asked for.
     """
@@ -82,8 +85,7 @@ def receive(
 ) -> Received:
     """Receive a scan.
 
-    The linear parts (echo, noise) and the whole signal are transformed alike; their difference is the
-    distortion, other radars included.
+    The distortion is what the converter gives beyond echoes and thermal noise, other radars included.
 
     Args:
         grid: Grid of echoes (azimuths, fft_size / 2) complex64 [sqrt(W)].
@@ -126,58 +128,55 @@ def received(
         The written power and its parts.
     """
     strengths = artefacts.strengths(sensor)
-    level = strengths.phase_noise / sensor.phase_noise_rad
-    mixed = front_end.mixed(leakage=strengths.leakage, level=level)
-    added = [each for each in (front_end.draws.thermal(strengths.thermal_noise), others) if each is not None]
+    mixed = front_end.mixed(
+        leakage=strengths.leakage,
+        level=strengths.phase_noise / sensor.phase_noise_rad,
+        saturation=min(strengths.saturation, 1.0),
+    )
+    thermal = front_end.draws.thermal(strengths.thermal_noise)
+    added = [each for each in (thermal, others) if each is not None]
     power = np.empty((sensor.azimuths, sensor.bins), np.float32)
-    coarse = np.empty((sensor.azimuths, -(-sensor.bins // PART_STEP) if parts else 0), np.complex64)
-    saturated = np.zeros(sensor.azimuths, np.bool_)
+    rest = np.empty_like(mixed.signal) if parts and not strengths.linear else None
+    clipped = np.zeros(sensor.azimuths, np.bool_)
     beats = []
     for block in azimuth_blocks(sensor.azimuths):
-        signal = mixed[block]
+        signal = mixed.signal[block]
         for more in added:
             signal = signal + more[block]
-        converted, saturated[block] = convert(signal, sensor, artefacts)
-        whole = spectrum(converted.amplitude(), sensor)
-        written_power(whole, sensor, out=power[block])
-        if parts:
-            coarse[block] = whole[:, ::PART_STEP]
+        converted, clipped[block] = convert(signal, sensor, artefacts)
+        amplitude = converted.amplitude()
+        written_power(spectrum(amplitude, sensor), sensor, out=power[block])
+        if rest is not None:
+            rest[block] = amplitude if thermal is None else amplitude - thermal[block]
         if keep_beat:
             beats.append(converted)
-    silence = np.empty((sensor.azimuths, 0), np.float32)
-    echo, noise, distortion = _parts(front_end, coarse, sensor, strengths) if parts else 3 * (silence,)
+    echo, noise, distortion = _parts(front_end, rest, sensor, strengths) if parts else 3 * (_nothing(sensor),)
     return Received(
         power=power,
         echo=echo,
         noise=noise,
         distortion=distortion,
-        saturated=saturated,
-        others=_others_power(others, sensor) if parts else None,
+        saturated=mixed.overdriven | clipped,
+        others=coarse_power(others, sensor) if parts and others is not None else None,
         beat=joined(beats) if keep_beat else None,
     )
 
 
+def _nothing(sensor: Sensor) -> NDArray[np.float32]:
+    """Return a part without bins."""
+    return np.empty((sensor.azimuths, 0), np.float32)
+
+
 def _parts(
-    front_end: FrontEnd, whole: NDArray[np.complex64], sensor: Sensor, strengths: Strengths
+    front_end: FrontEnd, rest: NDArray[np.float32] | None, sensor: Sensor, strengths: Strengths
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Return the written power of echoes, noise and distortion alone, in every PART_STEP-th bin."""
-    echo = front_end.echo_part(leakage=strengths.leakage)
-    thermal = front_end.draws.thermal_part(strengths.thermal_noise)
-    distortion = np.zeros_like(echo.power)
-    if not strengths.linear:
-        for block in azimuth_blocks(sensor.azimuths):
-            rest = whole[block] - echo.spectrum[block] - thermal.spectrum[block]
-            written_power(rest, sensor, step=PART_STEP, out=distortion[block])
-    return echo.power, thermal.power, distortion
+    """Return the written power of echoes, noise and distortion alone, in every PART_STEP-th bin.
 
-
-def _others_power(others: NDArray[np.float32] | None, sensor: Sensor) -> NDArray[np.float32] | None:
-    """Return the written power (azimuths, bins / PART_STEP) of the signal of other radars."""
-    if others is None:
-        return None
-    power = np.empty((sensor.azimuths, -(-sensor.bins // PART_STEP)), np.float32)
-    for block in azimuth_blocks(sensor.azimuths):
-        written_power(
-            spectrum(others[block], sensor, step=PART_STEP), sensor, step=PART_STEP, out=power[block]
-        )
-    return power
+    `rest` is the converter's signal without thermal noise, None where the receiver is linear.
+    """
+    echo = front_end.echo_power(leakage=strengths.leakage)
+    noise = thermal_power(sensor, kelvin=strengths.thermal_noise)[None, ::PART_STEP]
+    if rest is None:
+        return echo, noise, np.zeros_like(echo)
+    rest -= front_end.echo_signal(leakage=strengths.leakage)
+    return echo, noise, coarse_power(rest, sensor)

@@ -26,7 +26,8 @@ CIR204 = replace(
     doppler_beta_s=0.049,  # [B] for this radar
     chirps="rising",  # [B] sawtooth; the direction is assumed
     fft_size=8192,  # the least power of two that gives 3360 bins from real samples
-    full_scale_db=66.5,  # [cal] to [M] largest code 135
+    full_scale_db=71.5,  # [cal] above the ceiling that compression sets
+    compression_dbm=-60.5,  # [cal] to [M] largest code 135
     noise_units=1.5,  # [M] zeros in 65 % of the quietest tenth of the azimuths, 62 % of the median one
     range_gain_db=(  # [M] lower envelope (5th percentile azimuth) relative to the noise beyond 160 m
         (0.0, -4.0),

@@ -26,7 +26,8 @@ CIR304 = replace(
     doppler_beta_s=0.049,  # [N] loaders
     chirps="rising",  # [N] one direction; which is assumed
     fft_size=8192,
-    full_scale_db=78.5,  # [cal] to the largest codes, 158 [F] and 160 [M]
+    full_scale_db=84.0,  # [cal] above the ceiling that compression sets
+    compression_dbm=-55.8,  # [cal] to [F] largest code 158
     noise_units=7.1,  # [F]
     range_gain_db=((0.0, 0.0), (300.0, 0.0)),  # cannot be separated from clutter in one scan
     leakage_dbm=(  # [cal] to [M] median codes 72, 91, 60, 50 and 40 at 0, 0.9, 1.6, 2 and 2.5 m
@@ -47,6 +48,7 @@ CIR304_RT = replace(
     bins=6848,  # [M]
     bin_m=0.0438,  # [R]
     bandwidth_hz=625e6,  # [M] range widths at -3/-6/-10/-20 dB of 8.7/11.8/14.7/20.5 bins
+    compression_dbm=-56.1,  # [cal] to [M] largest code 160
     chirps="alternating",  # [R]; [M] begins with column 10 at 0, which the loaders of [R] take as falling
     fft_size=16384,
 )

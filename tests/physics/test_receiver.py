@@ -1,4 +1,4 @@
-"""Phase noise, clipping, converter and thermal noise, measured on simulated beat tones."""
+"""Phase noise, compression, clipping, converter and thermal noise, measured on simulated beat tones."""
 
 import math
 from dataclasses import replace
@@ -52,7 +52,7 @@ def skirt_db(range_m: float) -> float:
     phase = np.fft.irfft(drawn).astype(np.float32)
     tone = grid([range_m], [1.0], rows)
     clean = beat(tone, FLAT).astype(np.float64)
-    error = modulated(tone, FLAT, modulation(phase, FLAT)) - clean
+    error = modulated(tone, FLAT, modulation(phase, FLAT)).real - clean
     window, size = np.blackman(FLAT.samples), 1 << 15
     first = count // 2 - FLAT.samples // 2
     own = np.fft.rfft(phase[:, first : first + FLAT.samples] * window, size)
@@ -96,9 +96,71 @@ def test_skirts_grow_with_the_strength_of_the_target(law: LawRecorder) -> None:
     )
 
 
+def test_compression_weakens_an_echo_by_1_db_at_its_stated_power(law: LawRecorder) -> None:
+    at = (1000 + 0.5) * FEW.bin_m
+
+    def gain_db(above_db: float) -> float:
+        power_w = 10 ** ((FEW.compression_dbm + above_db - 30) / 10)
+        linear, found = (
+            received([at], [power_w], replace(CLEAN, saturation=each)).power[0, 1000]
+            for each in (False, True)
+        )
+        return float(10 * np.log10(found / linear))
+
+    why = "amplitudes on the grid of range bins rise by up to 3 % towards the ends of a sweep"
+    law(
+        "Echo at the 1-dB compression point: level against a linear receiver's",
+        source="definition of the point",
+        expected=-1.0,
+        simulated=gain_db(0),
+        tolerance=0.03,
+        unit="dB",
+        why=why,
+    )
+    for above_db, tolerance in ((-40.0, 1e-4), (10.0, 0.04), (40.0, 0.04)):
+        # Rapp's curve with p = 1 through the 1-dB point: the gain in power is 1 / (1 + (10^0.1 - 1) P / P1).
+        expected = -10 * math.log10(1 + (10**0.1 - 1) * 10 ** (above_db / 10))
+        law(
+            f"Echo {above_db:+g} dB from the 1-dB compression point, the same",
+            source="Rapp 1991 with p = 1",
+            expected=expected,
+            simulated=gain_db(above_db),
+            tolerance=tolerance,
+            unit="dB",
+            why=why,
+        )
+
+
+def test_compressed_echo_has_no_harmonics() -> None:
+    # Its envelope is constant, and harmonics of the carrier are outside the band. Hann's sidelobes are 100 dB
+    # down at 40 resolution cells; a clipping converter would give -9.5 and -14 dB.
+    power_w = 10 ** ((FEW.compression_dbm + 20 - 30) / 10)
+    found = received([20.0], [power_w], replace(CLEAN, saturation=True)).power[0]
+    beyond = found[round(20.0 / FEW.bin_m) + 40 * 6 :]
+    assert 10 * np.log10(beyond.max() / found.max()) < -95
+
+
+def test_two_echoes_intermodulate_as_the_curve_says(law: LawRecorder) -> None:
+    # Rapp's curve with p = 1 begins as s (1 - |s|^2 / 2 A^2): two tones of amplitude a give a^3 / 2 A^2 at
+    # 2 f1 - f2. A^2 = a1^2 / (10^0.1 - 1) for the 1-dB point a1.
+    down_db, (near, far) = -30.0, (1000, 1300)
+    power_w = 10 ** ((FEW.compression_dbm + down_db - 30) / 10)
+    ranges = [(k + 0.5) * FEW.bin_m for k in (near, far)]
+    found = received(ranges, [power_w, power_w], replace(CLEAN, saturation=True)).power[0]
+    law(
+        "Third-order product of two echoes 30 dB below the 1-dB compression point, against one of them",
+        source="cubic term of Rapp's curve, p = 1",
+        expected=20 * math.log10((10**0.1 - 1) * 10 ** (down_db / 10) / 2),
+        simulated=float(10 * np.log10(found[2 * near - far] / found[near])),
+        tolerance=0.1,
+        unit="dB",
+        why="terms of fifth order 30 dB below; samples of 16 bits",
+    )
+
+
 def test_clipped_tone_becomes_a_square_wave(law: LawRecorder) -> None:
-    strong = 1e6 * full_scale_amplitude(FEW) ** 2
-    found = received([20.0], [strong], replace(CLEAN, saturation=True)).power[0]
+    strong = full_scale_amplitude(FEW) ** 2
+    found = received([20.0], [strong], replace(CLEAN, saturation=1000.0)).power[0]
     near = [slice(round(k * 20.0 / FEW.bin_m) - 10, round(k * 20.0 / FEW.bin_m) + 10) for k in (1, 3, 5)]
     peaks = [found[part].max() for part in near]
     for order, name, level_db in ((1, "Third", -9.54), (2, "Fifth", -13.98)):
@@ -128,7 +190,8 @@ def test_clipping_raises_the_floor_of_its_row() -> None:
     # Two tones mix in the clipping converter; away from them the row rises to a multiple of what it was.
     strong = 4 * full_scale_amplitude(FEW) ** 2
     ranges = [20.0, 33.7, 41.1, 77.7]
-    clipped = received(ranges, [strong] * 4, replace(CLEAN, saturation=True, thermal_noise=True))
+    clips = replace(FEW, compression_dbm=100.0)  # only the converter is driven too far
+    clipped = received(ranges, [strong] * 4, replace(CLEAN, saturation=True, thermal_noise=True), clips)
     alone = received([], [], replace(CLEAN, thermal_noise=True))
     assert np.median(clipped.power[:, 2500:]) > 100 * np.median(alone.power[:, 2500:])
 

@@ -24,7 +24,7 @@ _YES = 255
 """Column 10 of a valid azimuth, or where sweeps alternate of one whose sweep rises."""
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _SUB = 1
-"""PNG's filter type of pixels as differences to their left neighbours: neighbouring bins have similar codes."""
+"""PNG's filter type of pixels as differences to their left neighbours: neighbouring bins are alike."""
 
 
 def png_bytes(scan: PolarScan, *, ticks_per_us: int = 1) -> bytes:

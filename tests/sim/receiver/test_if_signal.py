@@ -40,6 +40,19 @@ def test_gridded_beat_agrees_with_the_sum_of_tones(count: int, seed: int, spread
     assert 20 * math.log10(np.abs(found - expected).max() / expected.max() + 1e-12) < -40
 
 
+@settings(max_examples=25, deadline=None)
+@given(count=st.integers(0, 300), seed=st.integers(0, 2**31))
+def test_grid_has_every_echo_in_two_bins_by_its_distance_from_them(count: int, seed: int) -> None:
+    echoes = random_echoes(count, seed, 60)
+    expected = np.zeros((2, SENSOR.fft_size // 2), np.complex128)
+    for azimuth, range_m, amplitude in zip(echoes.azimuth, echoes.range_m, echoes.amplitude, strict=True):
+        # Bin k is centred at (k + 1/2) bin_m; echoes nearer than the first centre count as there.
+        place = max(range_m / SENSOR.bin_m - 0.5, 0)
+        expected[azimuth, int(place)] += (1 - place % 1) * complex(amplitude)
+        expected[azimuth, int(place) + 1] += place % 1 * complex(amplitude)
+    np.testing.assert_allclose(echo_grid(echoes, SENSOR), expected, atol=1e-5)
+
+
 def test_analytic_beat_has_the_beat_as_its_real_part() -> None:
     echoes = random_echoes(30, 3, 40)
     signal = beat_reference(echoes, SENSOR)

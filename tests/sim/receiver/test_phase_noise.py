@@ -26,7 +26,7 @@ def test_phase_noise_filter_is_the_sum_over_echoes_with_their_own_delays() -> No
     slow = np.fft.rfft(10 * phase_noise(sensor, azimuths=1, count=2048, rng=rng))
     slow[:, 300:] = 0
     phase = np.fft.irfft(slow).astype(np.float32)
-    found = modulated(echo_grid(echoes, sensor), sensor, modulation(phase, sensor))[0]
+    found = modulated(echo_grid(echoes, sensor), sensor, modulation(phase, sensor))[0].real
     frequency = np.fft.fftfreq(2048, 1 / sensor.sample_hz)
     inside = slice(1024 - sensor.samples // 2, 1024 + sensor.samples // 2)
     expected = np.zeros(sensor.samples)
