@@ -148,7 +148,7 @@ CASES = (
         name="attitude",
         span_m=160.0,
         region="direct",
-        text="pitch and roll of the car tilt the beam, by up to a degree: what lies in it differs by direction",
+        text="pitch and roll of the car tilt the beam by up to a degree: what is in it differs by direction",
     ),
     ArtefactCase(
         name="doppler",

@@ -3,7 +3,8 @@
 The displacement spectrum of one track is Gd(n0) (n / n0)^-2 with n0 = 0.1 cycles/m (ISO 8608:2016), flat
 below 0.01 cycles/m. Both tracks belong to one isotropic surface (Dodds & Robson, J. Sound Vib. 31(2), 1973):
 at a distance b their coherence is x K1(x), x = 2 pi n b, which c^2 / (x^2 + c^2) with c^2 = 1.3 meets within
-0.05. Mean and difference of the tracks are then independent, and each is white noise through first-order filters.
+0.05. Mean and difference of the tracks are then independent, and each is white noise through first-order
+filters.
 
 Here and there real roads are far less even than their mean spectrum: patches, covers, ramps. Their local
 roughness is drawn from a gamma distribution, stretch by stretch, so that heights are Laplacian rather than

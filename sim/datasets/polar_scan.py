@@ -91,8 +91,8 @@ class ScanTruth(ArrayRecord):
         first_obstacle_m: Distance to the first object in the beam that is not ground (azimuths,) float32 [m],
             inf where there is none.
         boxes: Movers near the radar.
-        attitude: Pitch, nose up, and roll, right side down, of the car at each azimuth (azimuths, 2) [rad], as
-            the scan was simulated; None where an older file lacks it.
+        attitude: Pitch, nose up, and roll, right side down, of the car at each azimuth (azimuths, 2) [rad],
+            as the scan was simulated; None where an older file lacks it.
     """
 
     cells: CellTruth
