@@ -138,9 +138,7 @@ def _te_share(direction: "mi.Vector3f", normal: "mi.Vector3f") -> "mi.Float":
     return dr.select(scale > 1e-8, dr.clip(share, 0, 1), 0.5)
 
 
-def _slope_spread(
-    hits: Hits, half: "mi.Vector3f", density: "mi.Float", length_m: "mi.Float"
-) -> SlopeSpread:
+def _slope_spread(hits: Hits, half: "mi.Vector3f", density: "mi.Float", length_m: "mi.Float") -> SlopeSpread:
     """Return the slopes of the surfaces within the footprints of rays of a density [1/sr] at a distance."""
     return slope_spread(
         hits.curvature, hits.twist, mi.Vector3f(hits.normal), half, dr.square(length_m) / density
@@ -245,7 +243,14 @@ class BounceSampler:
         )
 
     def loop_returns(
-        self, rays: RayBatch, hits: Hits, antenna: "mi.Point3d", axis: "mi.Vector3f", *, depth: int
+        self,
+        rays: RayBatch,
+        hits: Hits,
+        antenna: "mi.Point3d",
+        axis: "mi.Vector3f",
+        *,
+        mirrored: "mi.Bool",
+        depth: int,
     ) -> ReturnPaths:
         """Return the paths that lead from the last surface straight back to the antenna.
 
@@ -257,6 +262,7 @@ class BounceSampler:
             hits: What they met (N).
             antenna: Position of the antenna for each ray (N) [m].
             axis: Unit vector along the axis of the antenna for each ray (N).
+            mirrored: Whether the mirror part of the last surface counts (N).
             depth: Number of surfaces on the outward path.
 
         Returns:
@@ -274,7 +280,8 @@ class BounceSampler:
         spread = _slope_spread(hits, half, rays.density, mi.Float(unfolded))
         lobe = self._surfaces.mirror_lobe(hits.material, cos_half, cosine, cos_out, active, spread)
         cosines = (cosine, cos_out, mi.Float(-dr.dot(rays.direction, towards)))
-        brdf = share * lobe + self._surfaces.diffuse_lobe(4 * (1 - share), hits.material, cosines, active)
+        brdf = self._surfaces.diffuse_lobe(4 * (1 - share), hits.material, cosines, active)
+        brdf += dr.select(mirrored, share * lobe, 0)
         gains = rays.gain * self._gain_towards(mi.Vector3f(-towards), axis, active)
         received = self._link * gains * rays.weight * power * brdf * cos_out
         received /= dr.square(mi.Float(length)) * rays.density

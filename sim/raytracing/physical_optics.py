@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.targets import Target
-from echoscape.sim.raytracing.surface.fresnel import reflection
+from echoscape.sim.raytracing.surface.fresnel import reflection, vertical_reflection
 
 LEAST_STEPS = {"plate": 16, "dihedral": 32, "trihedral": 64}
 """Least number of points along each edge of a patch: corners are then good to 0.05 dB (tests/physics)."""
@@ -31,6 +31,10 @@ NEAREST_M = 0.1
 _FRESNEL_SHARE = 0.1
 """Longest edge of a cell over sqrt(lambda R): large plates then have the power of the image to 0.15 dB."""
 MAX_BOUNCES = 3
+_GRAZING = 1e-3
+"""Curved targets reflect nothing at a smaller cosine of incidence."""
+_HALVINGS = 48
+"""Of the angle in which a specular point is sought: to the rounding of doubles."""
 _CURVE_STEP_M = 0.005
 _CURVE_MOST = 4096
 
@@ -53,13 +57,38 @@ class SurfacePaths:
     path_m: NDArray[np.float64]
     amplitude: NDArray[np.complex128]
 
+    def take(self, keep: NDArray) -> "SurfacePaths":
+        """Return some of the paths.
 
-def surface_paths(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> SurfacePaths:
+        Args:
+            keep: A mask or an index of them.
+
+        Returns:
+            These paths.
+        """
+        first = self.first[keep]
+        return SurfacePaths(
+            first=first,
+            last=first if self.last is self.first else self.last[keep],
+            path_m=self.path_m[keep],
+            amplitude=self.amplitude[keep],
+        )
+
+
+def surface_paths(
+    target: Target,
+    radar: Vectors,
+    *,
+    receiver: Vectors | None = None,
+    wavelength_m: float,
+    epsilon: complex,
+) -> SurfacePaths:
     """Return the paths over a coherent target; occlusion by other objects is not in them.
 
     Args:
         target: The target.
-        radar: Position of the antenna (3,) [m].
+        radar: Position of the antenna (3,) [m], or of its image in a mirror.
+        receiver: Where the paths end (3,) [m]; None is back at `radar`.
         wavelength_m: Wavelength [m].
         epsilon: Complex relative permittivity of the material of the target.
 
@@ -69,19 +98,43 @@ def surface_paths(target: Target, radar: Vectors, *, wavelength_m: float, epsilo
     Raises:
         ValueError: The target is not coherent, or too large to be summed from so near.
     """
-    if _nearest_m(target, radar) < NEAREST_M:
-        points = np.zeros((0, 3))
-        none = np.zeros(0, np.complex128)
-        return SurfacePaths(first=points, last=points, path_m=np.zeros(0), amplitude=none)
-    if target.kind == "point":
-        return _point(target, radar, wavelength_m=wavelength_m)
-    if target.kind == "sphere":
-        return _sphere(target, radar, wavelength_m=wavelength_m, epsilon=epsilon)
-    if target.kind == "cylinder":
-        return _cylinder(target, radar, wavelength_m=wavelength_m, epsilon=epsilon)
     if not target.coherent:
         raise ValueError(f"a {target.kind} has no coherent echo")
-    return _flat(target, radar, wavelength_m=wavelength_m, epsilon=epsilon)
+    ends = (radar, radar if receiver is None else receiver)
+    if min(_nearest_m(target, end) for end in ends) < NEAREST_M:
+        return _no_paths()
+    if target.kind == "point":
+        return _point(target, *ends, wavelength_m=wavelength_m)
+    if target.kind == "sphere":
+        return _sphere(target, *ends, wavelength_m=wavelength_m, epsilon=epsilon)
+    if target.kind == "cylinder":
+        return _cylinder(target, *ends, wavelength_m=wavelength_m, epsilon=epsilon)
+    return _flat(target, *ends, wavelength_m=wavelength_m, epsilon=epsilon)
+
+
+def largest_sum(target: Target, wavelength_m: float) -> float:
+    """Return a bound on |sum dA| times both distances, from and to the target [m^2].
+
+    Args:
+        target: A coherent target.
+        wavelength_m: Wavelength [m].
+
+    Returns:
+        The bound: the area of a flat target, each of its bounces counted in full.
+    """
+    if target.kind == "point":
+        return math.sqrt(target.rcs_m2 / (4 * math.pi)) * wavelength_m
+    if target.kind == "sphere":
+        return wavelength_m * target.size_m[0] / 2
+    if target.kind == "cylinder":
+        return target.size_m[1] * math.sqrt(wavelength_m * target.size_m[0])
+    patches = _patches_of(target)
+    return MAX_BOUNCES * float(np.linalg.norm(np.cross(patches.first, patches.second), axis=1).sum())
+
+
+def _no_paths() -> SurfacePaths:
+    points, none = np.zeros((0, 3)), np.zeros(0, np.complex128)
+    return SurfacePaths(first=points, last=points, path_m=np.zeros(0), amplitude=none)
 
 
 def _nearest_m(target: Target, radar: Vectors) -> float:
@@ -105,57 +158,104 @@ def _phase_factor(path_m: NDArray, wavelength_m: float) -> NDArray[np.complex128
 # ---------------------------------------------------------------------- points and curved targets
 
 
-def _point(target: Target, radar: Vectors, *, wavelength_m: float) -> SurfacePaths:
-    """Return the one path over a point of cross-section sigma: |sum| = sqrt(sigma / 4 pi) lambda / R^2."""
+def _point(target: Target, radar: Vectors, receiver: Vectors, *, wavelength_m: float) -> SurfacePaths:
+    """Return the one path over a point of cross-section sigma: |sum| = sqrt(sigma / 4 pi) lambda / (L R)."""
     point = np.array([target.position_m])
-    range_m = np.linalg.norm(point - radar, axis=1)
-    size = math.sqrt(target.rcs_m2 / (4 * math.pi)) * wavelength_m / range_m**2
+    out_m, back_m = (np.linalg.norm(point - end, axis=1) for end in (radar, receiver))
+    size = math.sqrt(target.rcs_m2 / (4 * math.pi)) * wavelength_m / (out_m * back_m)
+    path_m = out_m + back_m
     return SurfacePaths(
-        first=point, last=point, path_m=2 * range_m, amplitude=size * _phase_factor(2 * range_m, wavelength_m)
+        first=point, last=point, path_m=path_m, amplitude=size * _phase_factor(path_m, wavelength_m)
     )
 
 
-def _sphere(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> SurfacePaths:
-    """Return the path over the nearest point of a sphere: geometrical optics, pi r^2 in the far field.
+def _sphere(
+    target: Target, radar: Vectors, receiver: Vectors, *, wavelength_m: float, epsilon: complex
+) -> SurfacePaths:
+    """Return the path over the specular point of a sphere: geometrical optics, pi r^2 in the far field.
 
-    At a distance s from the surface the reflected spherical wave spreads by r / (2 s (s + r)).
+    A spherical wave from a distance s leaves with the radii of curvature 1 / (1 / s + 2 cos / r) across the
+    plane of incidence and 1 / (1 / s + 2 / (r cos)) in it (Deschamps, Proc. IEEE 60(9), 1972).
     """
-    radius = target.size_m[0]
-    away = np.array(target.position_m) - radar
-    centre_m = float(np.linalg.norm(away))
-    surface_m = max(centre_m - radius, 1e-3)
-    nearest = (radar + away * (surface_m / centre_m))[None]
-    gamma = abs(complex(reflection(epsilon, 1.0)[0]))
-    size = np.array([gamma * wavelength_m * radius / (2 * surface_m * centre_m)])
-    path_m = np.array([2 * surface_m])
+    radius, centre = target.size_m[0], np.array(target.position_m)
+    away = [end - centre for end in (radar, receiver)]
+    centre_m = [float(np.linalg.norm(each)) for each in away]
+    towards = away[0] / centre_m[0]
+    aside = away[1] - (away[1] @ towards) * towards
+    aside_m = float(np.linalg.norm(aside))
+    between = math.atan2(aside_m, float(away[1] @ towards))
+    turn = float(_specular_turn(np.array([between]), np.array([centre_m]), radius, np.zeros((1, 2)))[0])
+    normal = math.cos(turn) * towards + math.sin(turn) * (aside / max(aside_m, 1e-12))
+    point = (centre + radius * normal)[None]
+    out_m, back_m = (float(np.linalg.norm(point - end)) for end in (radar, receiver))
+    direction = (point - radar) / out_m
+    cosine = -float(direction[0] @ normal)
+    if cosine <= _GRAZING:
+        return _no_paths()
+    gamma = vertical_reflection(epsilon, direction, normal)
+    across, along = (1 + back_m * (1 / out_m + bend / radius) for bend in (2 * cosine, 2 / cosine))
+    size = gamma * (wavelength_m / (out_m * math.sqrt(across * along)))
+    path_m = np.array([out_m + back_m])
     return SurfacePaths(
-        first=nearest, last=nearest, path_m=path_m, amplitude=-size * _phase_factor(path_m, wavelength_m)
+        first=point, last=point, path_m=path_m, amplitude=size * _phase_factor(path_m, wavelength_m)
     )
 
 
-def _cylinder(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> SurfacePaths:
-    """Return the paths over the line of an upright cylinder that is nearest to the radar.
+def _specular_turn(
+    between: NDArray[np.float64], centre_m: NDArray[np.float64], radius: float, height_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return where the path over a circle is shortest, as the angle (N,) from the direction of its start.
 
-    Stationary phase across the axis gives sqrt(lambda / 2  R r / (s + r)), s the horizontal distance of the
-    surface; along the axis the sum is taken, which gives 2 pi r h^2 / lambda in the far field at broadside.
+    Start and end lie `between` (N,) [rad] apart, at the distances `centre_m` (N, 2) from the centre and
+    `height_m` (N, 2) above the plane of the circle [m].
+    """
+    low, high = np.zeros_like(between), between.copy()
+    for _ in range(_HALVINGS):
+        turn = (low + high) / 2
+        slope = np.zeros_like(turn)
+        for k, angle in enumerate((turn, turn - between)):
+            flat = np.square(centre_m[:, k]) + radius**2 - 2 * radius * centre_m[:, k] * np.cos(angle)
+            slope += centre_m[:, k] * np.sin(angle) / np.sqrt(flat + np.square(height_m[:, k]))
+        low, high = np.where(slope < 0, turn, low), np.where(slope < 0, high, turn)
+    return (low + high) / 2
+
+
+def _cylinder(
+    target: Target, radar: Vectors, receiver: Vectors, *, wavelength_m: float, epsilon: complex
+) -> SurfacePaths:
+    """Return the paths over the line of an upright cylinder over which they are shortest.
+
+    Stationary phase across the axis gives sqrt(lambda / L''), with L'' the second derivative of the path
+    along the circumference; along the axis the sum is taken, which gives 2 pi r h^2 / lambda in the far field
+    at broadside.
     """
     radius, height = target.size_m
-    away = np.array(target.position_m) - radar
-    centre_m = float(np.hypot(away[0], away[1]))
-    surface_m = max(centre_m - radius, 1e-3)
     count = int(np.clip(height / _CURVE_STEP_M, 64, _CURVE_MOST))
     step_m = height / count
     z = (np.arange(count) + 0.5) * step_m - height / 2 + target.position_m[2]
-    ahead = radar[:2] + away[:2] * (surface_m / centre_m)
-    point = np.column_stack([np.tile(ahead, (count, 1)), z]).astype(np.float64)
-    range_m = np.hypot(surface_m, z - radar[2])
-    cosine = surface_m / range_m
-    gamma = np.abs(reflection(epsilon, cosine)[1])  # upright: a vertical wave is TM
-    across = np.sqrt(wavelength_m / 2 * range_m * radius / (surface_m + radius))
-    smear = np.sinc(2 * (z - radar[2]) / range_m * step_m / wavelength_m)
-    size = gamma * cosine * across * smear * step_m / range_m**2
-    phase = _phase_factor(2 * range_m, wavelength_m) * -np.exp(-0.25j * math.pi)
-    return SurfacePaths(first=point, last=point, path_m=2 * range_m, amplitude=size * phase)
+    away = [end[:2] - np.array(target.position_m[:2]) for end in (radar, receiver)]
+    centre_m = np.tile([math.hypot(*each) for each in away], (count, 1))
+    rise_m = np.column_stack([z - end[2] for end in (radar, receiver)])
+    heading = [math.atan2(each[1], each[0]) for each in away]
+    between = math.remainder(heading[1] - heading[0], 2 * math.pi)
+    turn = _specular_turn(np.full(count, abs(between)), centre_m, radius, rise_m)
+    angle = turn[:, None] - [0.0, abs(between)]
+    facing_m = centre_m * np.cos(angle) - radius
+    length_m = np.sqrt(np.square(facing_m) + np.square(centre_m * np.sin(angle)) + np.square(rise_m))
+    if (facing_m <= _GRAZING * length_m).any():
+        return _no_paths()
+    bearing = heading[0] + math.copysign(1.0, between) * turn
+    normal = np.column_stack([np.cos(bearing), np.sin(bearing), np.zeros(count)])
+    point = np.column_stack([np.array(target.position_m[:2]) + radius * normal[:, :2], z])
+    bend = centre_m * np.cos(angle) / radius / length_m - np.square(centre_m * np.sin(angle)) / length_m**3
+    across = np.sqrt(wavelength_m / bend.sum(axis=1)) * np.exp(-0.25j * math.pi)
+    gamma = vertical_reflection(epsilon, (point - radar) / length_m[:, :1], normal)
+    smear = np.sinc((rise_m / length_m).sum(axis=1) * step_m / wavelength_m)
+    size = gamma * (facing_m[:, 0] / length_m[:, 0]) * across * smear * step_m / length_m.prod(axis=1)
+    path_m = length_m.sum(axis=1)
+    return SurfacePaths(
+        first=point, last=point, path_m=path_m, amplitude=size * _phase_factor(path_m, wavelength_m)
+    )
 
 
 # ---------------------------------------------------------------------- plates and corners
@@ -185,18 +285,21 @@ class _Tubes:
         return _Tubes(**{name: value[keep] for name, value in vars(self).items()})
 
 
-def _flat(target: Target, radar: Vectors, *, wavelength_m: float, epsilon: complex) -> SurfacePaths:
+def _flat(
+    target: Target, radar: Vectors, receiver: Vectors, *, wavelength_m: float, epsilon: complex
+) -> SurfacePaths:
     """Return the paths over plane patches that reflect into each other."""
     shape = _patches_of(target)
-    tubes, parts = _illuminated(shape, radar, shape.steps(radar, target, wavelength_m)), []
+    nearer = min(radar, receiver, key=shape.nearest_m)
+    tubes, parts = _illuminated(shape, radar, shape.steps(nearer, target, wavelength_m)), []
     for _ in range(MAX_BOUNCES):
         normal = shape.normal[tubes.patch]
         normal = normal * -np.sign(_dot(tubes.direction, normal))[:, None]
         tubes.gamma = tubes.gamma * -_coefficient(tubes.direction, normal, epsilon)
-        home = radar - tubes.point
+        home = receiver - tubes.point
         seen = _dot(home, normal) > 0
         seen[seen] = shape.next(tubes.point[seen], _unit(home[seen]), tubes.patch[seen])[0] < 0
-        parts.append(_returned(tubes.take(seen), normal[seen], radar, wavelength_m))
+        parts.append(_returned(tubes.take(seen), normal[seen], receiver, wavelength_m))
         tubes = _mirrored(tubes, normal, shape)
     names = ("first", "last", "path_m", "amplitude")
     return SurfacePaths(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
@@ -320,9 +423,9 @@ def _mirrored(tubes: _Tubes, normal: Vectors, shape: _Patches) -> _Tubes:
     ).take(meets)
 
 
-def _returned(tubes: _Tubes, normal: Vectors, radar: Vectors, wavelength_m: float) -> SurfacePaths:
-    """Return the paths from the points of the tubes straight to the radar."""
-    away = tubes.point - radar
+def _returned(tubes: _Tubes, normal: Vectors, receiver: Vectors, wavelength_m: float) -> SurfacePaths:
+    """Return the paths from the points of the tubes straight to the receiver."""
+    away = tubes.point - receiver
     back_m = np.linalg.norm(away, axis=1)
     steepest = tubes.direction + away / back_m[:, None]
     facing = _dot(tubes.direction, normal)

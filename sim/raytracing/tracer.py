@@ -6,7 +6,7 @@ Read `Tracer.trace` first. The tracer holds what is the same in every scan; what
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from echoscape.sim.raytracing.scan_state import ScanState
 from echoscape.sim.raytracing.surface.scattering import Surfaces
 from echoscape.sim.raytracing.surface.speckle import hash32
 from echoscape.sim.raytracing.target_echoes import TargetEchoes
+from echoscape.sim.raytracing.target_mirrors import MirrorFaces
 from echoscape.sim.sensor.antenna import Antenna
 from echoscape.sim.sensor.link_budget import link_w_m2, units_per_watt
 from echoscape.sim.sensor.sensor import Sensor
@@ -49,6 +50,7 @@ class Tracer:
         targets: Sequence[PlacedTarget] = (),
         seed: int,
         surfaces: SurfaceSettings | None = None,
+        mirrors: MirrorFaces | None = None,
     ) -> None:
         """Draw the primary rays and tabulate patterns and scattering.
 
@@ -60,6 +62,7 @@ class Tracer:
                 mirrors and obstacles.
             seed: Decides ray directions, speckle and texture.
             surfaces: Changes to the roughness of the materials.
+            mirrors: Faces in which coherent targets may be seen; None is none.
         """
         self._sensor = sensor
         self._settings = settings
@@ -84,7 +87,9 @@ class Tracer:
         self._beam = BeamWeighting(sensor, antenna, floor_w=self._floor_w)
         self._tolerance = tolerance(sensor, antenna)
         self._obstacle = ~np.isin(instance_class, GROUND_CLASSES)
-        self._targets = TargetEchoes(targets, sensor, antenna, floor_w=self._floor_w)
+        self._targets = TargetEchoes(
+            targets, sensor, antenna, floor_w=self._floor_w, mirrors=mirrors, surfaces=surfaces
+        )
         self._coherent = mi.Bool(np.isin(np.arange(len(instance_class)), self._targets.instances))
 
     def launch(self, state: ScanState) -> PrimaryHits:
@@ -120,14 +125,16 @@ class Tracer:
             if len(index) == 0:
                 break
             rays, hits = picked(rays, index), picked(hits, index)
-            rays.only_targets &= dr.gather(mi.Bool, self._coherent, hits.instance)
+            from_targets = rays.only_targets
+            rays.only_targets = from_targets & dr.gather(mi.Bool, self._coherent, hits.instance)
             dr.eval(rays, hits)
+            heard = self._heard(hits)
             met.append(_Met(rays.number.numpy(), hits.instance.numpy(), hits.point.numpy()))
             if 2 * depth - 1 <= max_bounces:
-                direct = self._bounces.same_path_returns(rays, hits, depth=depth)
+                direct = self._bounces.same_path_returns(rays, heard, depth=depth)
                 received.append(self._beam.echoes(direct, state.pose_tables))
             if depth > 1:
-                loops = self._free_loops(state, rays, hits, depth=depth)
+                loops = self._free_loops(state, rays, heard, from_targets, depth=depth)
                 received.append(self._beam.echoes(loops, state.pose_tables) if loops else None)
             if depth < max_bounces:
                 onward = self._reflected(rays, hits, depth=depth)
@@ -138,7 +145,7 @@ class Tracer:
             (_returns(paths, met, state.poses.position, self._tolerance), echoes)
             for paths, echoes in filter(None, received)
         ]
-        targets = self._targets.echoes(state)
+        targets = self._targets.echoes(state, max_bounces=max_bounces)
         return _joined_groups([*groups, targets] if targets else groups, first_obstacle_m)
 
     def clear_share(self, primary: PrimaryHits, edges_m: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -160,11 +167,25 @@ class Tracer:
         dr.eval(rays, hits)
         return hits
 
-    def _free_loops(self, state: ScanState, rays: RayBatch, hits: Hits, *, depth: int) -> ReturnPaths | None:
-        """Return the loops above the floor whose last leg is free, None where there are none."""
+    def _heard(self, hits: Hits) -> Hits:
+        """Return hits without those on coherent targets: all that these return is in their phase sums."""
+        if not self._targets.instances:
+            return hits
+        return replace(hits, active=hits.active & ~dr.gather(mi.Bool, self._coherent, hits.instance))
+
+    def _free_loops(
+        self, state: ScanState, rays: RayBatch, hits: Hits, from_targets: "mi.Bool", *, depth: int
+    ) -> ReturnPaths | None:
+        """Return the loops above the floor whose last leg is free, None where there are none.
+
+        Where rays come from coherent targets alone (`from_targets`), the mirror part of the last surface is in
+        the phase sums of these targets.
+        """
         poses = state.pose_tables
         antenna = mi.Point3d(dr.gather(mi.Vector3d, poses.position, rays.azimuth))
-        loops = self._bounces.loop_returns(rays, hits, antenna, poses.axis(rays.azimuth), depth=depth)
+        loops = self._bounces.loop_returns(
+            rays, hits, antenna, poses.axis(rays.azimuth), mirrored=~from_targets, depth=depth
+        )
         strong = loops.power * self._beam.largest_loop_gain(loops, poses) > self._floor_w
         start = hits.point + hits.normal * 1e-3
         dr.eval(loops, strong, start, antenna)

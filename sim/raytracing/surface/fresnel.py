@@ -50,6 +50,44 @@ def reflection(epsilon: complex, cos_incidence: ArrayLike) -> tuple[NDArray, NDA
     return te, tm
 
 
+def vertical_reflection(
+    epsilon: complex, direction: NDArray[np.float64], normal: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Return the amplitude of a vertically polarised wave after a mirror, as a vertical antenna receives it.
+
+    The wave is split into TE and TM by the plane of incidence, and both are projected on the vertical of the
+    reflected direction: TE alone at an upright wall, TM alone at level ground.
+
+    Args:
+        epsilon: Complex relative permittivity of the mirror.
+        direction: Unit directions of incidence (N, 3), none of them vertical.
+        normal: Unit normals on the side of the wave (3,) or (N, 3).
+
+    Returns:
+        Complex amplitude coefficients (N,).
+    """
+    normal = np.broadcast_to(normal, direction.shape)
+    cosine = -np.einsum("nk,nk->n", direction, normal)
+    reflected = direction + 2 * cosine[:, None] * normal
+    te, tm = reflection(epsilon, np.clip(cosine, 0, 1))
+    across = np.cross(direction, normal)
+    square = np.linalg.norm(across, axis=1) < 1e-6  # no plane of incidence: both waves are reflected alike
+    across[square] = np.cross(direction[square], [0.0, 0.0, 1.0])
+    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-12)[:, None]
+    verticals = [_vertical(each) for each in (direction, reflected)]
+    te_part, tm_part = (
+        np.prod([np.einsum("nk,nk->n", up, axis) for up, axis in zip(verticals, axes, strict=True)], axis=0)
+        for axes in ((across, across), (np.cross(direction, across), np.cross(reflected, across)))
+    )
+    return te * te_part + tm * tm_part
+
+
+def _vertical(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the unit vectors (N, 3) across directions (N, 3) that are nearest to the vertical."""
+    up = np.array([0.0, 0.0, 1.0]) - direction * direction[:, 2:]
+    return up / np.maximum(np.linalg.norm(up, axis=1), 1e-12)[:, None]
+
+
 def reflected_power_table(materials: list[Material], frequency_hz: float, steps: int) -> NDArray[np.float32]:
     """Tabulate the reflected power over the cosine of incidence.
 
