@@ -5,12 +5,13 @@ directions in which the path leaves and returns. That of a car behind a mirrorin
 corner between wall and ground is the corner, although its path met two surfaces.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.numerics.angles import principal_angle
 from echoscape.sim.sensor.antenna import Antenna
 from echoscape.sim.sensor.sensor import Sensor
 
@@ -51,7 +52,7 @@ def tolerance(sensor: Sensor, antenna: Antenna) -> Tolerance:
 def displaced(
     out: NDArray[np.float64],
     back: NDArray[np.float64],
-    surfaces: NDArray[np.float64],
+    surfaces: Sequence[NDArray[np.float64]],
     allowed: Tolerance,
 ) -> NDArray[np.bool_]:
     """Return which echoes lie at none of the surfaces that their paths met.
@@ -60,22 +61,26 @@ def displaced(
     displacement; nor is height, which a polar scan does not show.
 
     Args:
-        out: Image of the last point of each path along its first leg, unfolded (N, 3) [m].
-        back: The same along its last leg (N, 3) [m].
-        surfaces: Points where the path met surfaces (N, D, 3) [m].
+        out: Image of the last point of each path along its first leg, unfolded (3, N) [m].
+        back: The same along its last leg (3, N) [m].
+        surfaces: Points where the paths met their first surface, their second and so on, each (3, N) [m].
         allowed: How far from a surface an echo may lie and still show it.
 
     Returns:
         Whether no surface lies within the tolerance in both range and azimuth (N,).
     """
-    out_m, back_m = np.linalg.norm(out, axis=1), np.linalg.norm(back, axis=1)
-    shown = out / out_m[:, None] + back / back_m[:, None]
-    beyond = (out_m + back_m)[:, None] / 2 - np.linalg.norm(surfaces, axis=2)  # (N, D)
-    aside = _azimuth(shown)[:, None] - _azimuth(surfaces)  # (N, D)
-    at_surface = (np.abs(beyond) <= allowed.range_m) & (np.abs(principal_angle(aside)) <= allowed.azimuth_rad)
-    return ~at_surface.any(axis=1)
+    out_m, back_m = _length(out), _length(back)
+    range_m, shown = (out_m + back_m) / 2, out[:2] / out_m + back[:2] / back_m
+    # Angles are compared by their cosines: products and roots are the same on all processors.
+    least = _length(shown) * math.cos(allowed.azimuth_rad)
+    at_surface = np.zeros(out.shape[1], np.bool_)
+    for point in surfaces:
+        in_range = np.abs(range_m - _length(point)) <= allowed.range_m
+        along = shown[0] * point[0] + shown[1] * point[1]
+        at_surface |= in_range & (along >= least * _length(point[:2]))
+    return ~at_surface
 
 
-def _azimuth(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the azimuth of points (..., 3), counter-clockwise from the x axis [rad]."""
-    return np.arctan2(points[..., 1], points[..., 0])
+def _length(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the lengths (N,) of vectors (2 or 3, N), summed in order."""
+    return np.sqrt(sum(np.square(each) for each in vectors))

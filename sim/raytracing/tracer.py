@@ -178,8 +178,8 @@ class Tracer:
     ) -> ReturnPaths | None:
         """Return the loops above the floor whose last leg is free, None where there are none.
 
-        Where rays come from coherent targets alone (`from_targets`), the mirror part of the last surface is in
-        the phase sums of these targets.
+        Where rays come from coherent targets alone (`from_targets`), the mirror part of the last surface is
+        in the phase sums of these targets.
         """
         poses = state.pose_tables
         antenna = mi.Point3d(dr.gather(mi.Vector3d, poses.position, rays.azimuth))
@@ -245,10 +245,9 @@ def _returns(
     surfaces = [each.instance[index] for each, index in zip(met, found, strict=False)]
     wrong = np.zeros(count, np.bool_)
     if depth > 1:
-        here = antenna[paths.azimuth.numpy()]
-        points = [each.point[:, index].T - here for each, index in zip(met, found, strict=False)]
-        out, back = paths.out.numpy().T - here, paths.back.numpy().T - here
-        wrong = displaced(out, back, np.stack(points, axis=1), allowed)
+        here = antenna.T[:, paths.azimuth.numpy()]
+        points = [each.point[:, index] - here for each, index in zip(met, found, strict=False)]
+        wrong = displaced(paths.out.numpy() - here, paths.back.numpy() - here, points, allowed)
     return Returns(
         bounces=np.full(count, paths.bounces, np.uint8),
         instance=paths.instance.numpy(),

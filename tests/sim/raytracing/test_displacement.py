@@ -39,7 +39,8 @@ def one(points: list[list[float]], *, same_path: bool) -> bool:
     length = np.linalg.norm(legs, axis=1).sum()
     out = np.array(points[0]) / np.linalg.norm(points[0]) * length
     back = out if same_path else np.array(points[-1])
-    return bool(displaced(out[None], back[None], np.array(points)[None], ALLOWED)[0])
+    met = [np.array([each]).T for each in points]
+    return bool(displaced(out[:, None], back[:, None], met, ALLOWED)[0])
 
 
 point = st.tuples(st.floats(2, 100), st.floats(-math.pi, math.pi), st.floats(-3, 20)).map(
