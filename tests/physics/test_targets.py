@@ -27,7 +27,7 @@ from tests.sim.worlds import Ride, decibel, plate, standing, straight, world
 SECTION = "Link and cross-sections"
 HEIGHT_M = CTS350X.mount_height_m
 WAVELENGTH_M = 299_792_458 / 76.5e9
-STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
+STEADY = replace(CTS350X, rotation_jitter_s=1e-9, encoder_first=0)
 BARE = TraceSettings(rays=16, floor_db=-60.0)
 ROW_RAD = 2 * math.pi / 400
 FAR_M = 150.0

@@ -152,7 +152,8 @@ def test_friis(law: LawRecorder) -> None:
         azimuth_period_s=0.0,
     )
     place = np.tile([50.0, 0.0, 0.0], (rows, 1))
-    share = received_share(place, np.full(rows, math.pi), poses, CTS350X, Antenna(CTS350X))
+    sensor = replace(CTS350X, encoder_first=0)  # its first azimuth looks at the other radar
+    share = received_share(place, np.full(rows, math.pi), poses, sensor, Antenna(sensor))
     law(
         "Received over radiated power of another radar at 50 m",
         source="Friis: G (lambda / (4 pi R))^2 over half the two-way loss: 35.15 - 104.10 - 8.15 dB",

@@ -13,8 +13,8 @@ from echoscape.sim.settings.tracing import TraceSettings
 from echoscape.sim.simulator import Simulator
 from tests.sim.worlds import Ride, quad, standing
 
-STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
-"""Turns take exactly a quarter of a second."""
+STEADY = replace(CTS350X, rotation_jitter_s=1e-9, encoder_first=0)
+"""Turns take exactly a quarter of a second, and the first azimuth looks straight ahead."""
 POINTING = replace(STEADY, rotation_hz=0.01)
 """Rotates so slowly that the beam does not move within a sweep: for radars at rest."""
 HEIGHT_M = CTS350X.mount_height_m

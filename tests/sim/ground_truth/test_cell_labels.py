@@ -68,7 +68,7 @@ def test_direct_echoes_are_where_things_are(yard: Scene) -> None:
     truth = cells(scanned(yard, replace(ONLY_ECHOES, ghosts=False)))
     wall = truth.instance == 1
     azimuths, bins = np.nonzero(wall)
-    azimuth = azimuths * 2 * np.pi / 400
+    azimuth = (13 + 14 * azimuths) * 2 * np.pi / 5600
     ahead = (bins + 0.5) * 0.0432 * np.cos(azimuth)
     assert wall.any()
     # A cell belongs to the wall if the wall lies within the beam and the point spread of it.

@@ -15,7 +15,7 @@ from echoscape.sim.settings.tracing import TraceSettings
 from echoscape.sim.simulator import Simulator
 from tests.sim.worlds import Ride, decibel, plate, standing, straight, world
 
-STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
+STEADY = replace(CTS350X, rotation_jitter_s=1e-9, encoder_first=0)
 HEIGHT_M = CTS350X.mount_height_m
 AZIMUTH_RAD = 2 * math.pi / CTS350X.azimuths
 RING_DB = {10: -44.0, 50: -74.0, 100: -84.0}

@@ -17,7 +17,7 @@ from echoscape.sim.simulator import Simulator
 from tests.sim.worlds import Ride, box_prototype, decibel, mover, plate, standing, straight, world
 
 FINE = TraceSettings(rays=1024, floor_db=-60.0)
-STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
+STEADY = replace(CTS350X, rotation_jitter_s=1e-9, encoder_first=0)
 HEIGHT_M = CTS350X.mount_height_m
 AZIMUTH_RAD = 2 * math.pi / CTS350X.azimuths
 

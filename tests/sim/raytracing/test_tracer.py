@@ -21,7 +21,7 @@ from tests.sim.worlds import Ride, box_prototype, decibel, mover, plate, quad, s
 
 FINE = TraceSettings(rays=1024, floor_db=-60.0)
 HEIGHT_M = CTS350X.mount_height_m
-STEADY = replace(CTS350X, rotation_jitter_s=1e-9)
+STEADY = replace(CTS350X, rotation_jitter_s=1e-9, encoder_first=0)
 AZIMUTH_RAD = 2 * math.pi / CTS350X.azimuths
 
 
