@@ -65,21 +65,24 @@ def road_profile(
     stretch = np.arange(len(roughness_m3)) // round(STRETCH_M / STEP_M)
     local = rough_rng.standard_gamma(EVENNESS, stretch[-1] + 1)[stretch] / EVENNESS
     # Slopes of a spectrum of waviness 2 are white, one-sided (2 pi n0)^2 Gd(n0) [m].
-    deviation = 2 * math.pi * _REFERENCE * np.sqrt(roughness_m3 * local * STEP_M / 2)
-    steps = height_rng.standard_normal((len(roughness_m3), 2)).T * deviation
-    corner = _CORNER / track_m
-    # (s / sqrt 2 + corner) / (s + corner): half the power of a track where the tracks are independent.
-    slow = (1 - math.sqrt(0.5)) * (1 - math.exp(-corner * STEP_M))
-    together = math.sqrt(0.5) * steps[0] + _decaying(slow * steps[0], corner)
+    slope = 2 * math.pi * _REFERENCE * np.sqrt(roughness_m3 * local / (2 * STEP_M))
+    common, opposite = height_rng.standard_normal((len(slope), 2)).T * slope
+    common[0] = opposite[0] = 0.0
+    corner, lowest = _CORNER / track_m, 2 * math.pi * _LOWEST
+    # Half the power of a track where the tracks are independent, all of it where they are alike.
+    together = _filtered(common, (math.sqrt(0.5), corner), corner)
     return RoadProfile(
-        mean_m=_decaying(together, 2 * math.pi * _LOWEST),
-        difference_m=_decaying(math.sqrt(2) * steps[1], corner),
+        mean_m=_filtered(together, (0.0, 1.0), lowest),
+        difference_m=_filtered(opposite, (0.0, math.sqrt(2)), corner),
     )
 
 
-def _decaying(steps: NDArray[np.float64], rate_per_m: float) -> NDArray[np.float64]:
-    """Return the sum of steps (S,) that decay with distance, 0 at the first sample."""
+def _filtered(
+    signal: NDArray[np.float64], above: tuple[float, float], pole_per_m: float
+) -> NDArray[np.float64]:
+    """Return a signal (S,) after (above[0] s + above[1]) / (s + pole_per_m), by the bilinear transform."""
     from scipy.signal import lfilter  # slow to import; a drive that is known needs none
 
-    decay = math.exp(-rate_per_m * STEP_M)
-    return np.concatenate([[0.0], lfilter([1.0], [1.0, -decay], steps[:-1])])
+    k = 2 / STEP_M
+    numerator = [above[0] * k + above[1], above[1] - above[0] * k]
+    return lfilter(numerator, [k + pole_per_m, pole_per_m - k], signal)
