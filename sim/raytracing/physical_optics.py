@@ -233,7 +233,8 @@ def _cylinder(
     count = int(np.clip(height / _CURVE_STEP_M, 64, _CURVE_MOST))
     step_m = height / count
     z = (np.arange(count) + 0.5) * step_m - height / 2 + target.position_m[2]
-    away = [end[:2] - np.array(target.position_m[:2]) for end in (radar, receiver)]
+    foot = np.array(target.position_m[:2], np.float64)
+    away = [end[:2] - foot for end in (radar, receiver)]
     centre_m = np.tile([math.hypot(*each) for each in away], (count, 1))
     rise_m = np.column_stack([z - end[2] for end in (radar, receiver)])
     heading = [math.atan2(each[1], each[0]) for each in away]
@@ -246,7 +247,8 @@ def _cylinder(
         return _no_paths()
     bearing = heading[0] + math.copysign(1.0, between) * turn
     normal = np.column_stack([np.cos(bearing), np.sin(bearing), np.zeros(count)])
-    point = np.column_stack([np.array(target.position_m[:2]) + radius * normal[:, :2], z])
+    point = np.empty((count, 3), np.float64)
+    point[:, :2], point[:, 2] = foot + radius * normal[:, :2], z
     bend = centre_m * np.cos(angle) / radius / length_m - np.square(centre_m * np.sin(angle)) / length_m**3
     across = np.sqrt(wavelength_m / bend.sum(axis=1)) * np.exp(-0.25j * math.pi)
     gamma = vertical_reflection(epsilon, (point - radar) / length_m[:, :1], normal)

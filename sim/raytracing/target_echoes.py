@@ -228,12 +228,13 @@ class TargetEchoes:
             return False
         antenna = poses.position[np.argmin(np.abs(route.out.offset_rad) + np.abs(route.back.offset_rad))]
         position = np.array(route.target.position_m)
-        met = [position] + [
-            specular_points(each.normal[None], np.array([each.offset_m]), antenna[None], position[None])[0]
-            for each in mirrors
-        ]
-        out, back = ((leg.image - antenna)[None] for leg in route.legs)
-        return bool(displaced(out, back, (np.array(met) - antenna)[None], self._tolerance)[0])
+        met = [position]
+        for each in mirrors:
+            plane = each.normal[None], np.array([each.offset_m])
+            met.append(specular_points(*plane, antenna[None], position[None])[0])
+        out, back = ((leg.image - antenna)[:, None] for leg in route.legs)
+        surfaces = [(point - antenna)[:, None] for point in met]
+        return bool(displaced(out, back, surfaces, self._tolerance)[0])
 
     def _routes(self, state: ScanState, max_bounces: int) -> list[_Route]:
         """Return the routes of all targets: the direct ones, then those by way of mirrors."""

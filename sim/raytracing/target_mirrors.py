@@ -263,7 +263,8 @@ class TargetMirrors:
         """
         faces = self._faces
         plane = self._planes(target, antenna, moved_m=moved_m)
-        face = np.concatenate([np.arange(faces.first[k], faces.first[k + 1]) for k in plane] or [plane])
+        ends = zip(faces.first[plane].tolist(), faces.first[plane + 1].tolist(), strict=True)
+        face = np.concatenate([np.arange(start, end) for start, end in ends] or [plane])
         face = self._near_specular_point(face, target, antenna, moved_m=moved_m)
         found: list[Mirror] = []
         for index in face.tolist():
@@ -444,7 +445,7 @@ def _nearest_points(target: Target, images: Vectors) -> Vectors:
     if target.kind == "cylinder":
         radius_m, height_m = target.size_m
         flat_m = np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
-        level = np.clip(away[:, 2:], -height_m / 2, height_m / 2)
+        level = np.clip(away[:, 2:], -0.4 * height_m, 0.4 * height_m)  # off the ground that it stands on
         return middle + np.hstack([away[:, :2] * radius_m / flat_m, level])
     # The apex of a corner and the middle of an edge or plate are seen from everywhere, by their own target.
     return middle.copy()
