@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
 
 from echoscape.scenes.core.attitude import Attitude
 from echoscape.scenes.core.checks import check_between
@@ -152,6 +151,8 @@ def _on_springs(
         hertz: Natural frequency [Hz].
         damping: Damping ratio.
     """
+    from scipy.signal import lfilter  # slow to import; a drive that is known needs none
+
     w = 2 * math.pi * hertz
     damp = 2 * damping * w
     below = _bilinear(1.0, damp, w * w)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ def test_gradients_are_those_of_passenger_cars() -> None:
     assert 1.5 < math.degrees(CAR.pitch_gradient * 9.81) < 3.5
 
 
+@settings(deadline=None)  # the first one imports scipy.signal
 @given(seed=st.integers(0, 2**31), roughness_m3=st.floats(0, 4e-3), yaw=st.floats(-3, 3))
 def test_standing_car_stays_level(seed: int, roughness_m3: float, yaw: float) -> None:
     place = np.array([3.0, -7.0, 0.0, yaw])
@@ -147,8 +148,8 @@ def test_pitch_and_roll_are_those_of_real_cars_on_flat_roads(preset: str) -> Non
 
 
 def test_rough_roads_give_the_attitude_of_a_campus_with_speed_bumps(town_roads: RoadGraph) -> None:
-    settings = DriveSettings(road_roughness=12.0)
-    drive = plan_ego_drive(town_roads, seed=1, duration_s=600, settings=settings)
+    rough = DriveSettings(road_roughness=12.0)
+    drive = plan_ego_drive(town_roads, seed=1, duration_s=600, settings=rough)
     (pitch, roll), (pitch_99, roll_99) = deviation_deg(drive.trajectory, 600.0)
     assert 0.8 < pitch < 1.26
     assert 0.7 < roll < 1.1
