@@ -28,6 +28,8 @@ _STRIP_POINTS = 6
 
 KERB_WIDTH_M = 0.14
 _CORNER_M = 5.0
+_BACK_GARDENS_M = 40.0
+"""Width of the land behind the outermost streets, of those that are not driven [m]."""
 _SKIN_M = 0.02
 
 
@@ -41,6 +43,8 @@ class Ground:
         land: The whole area of the scene.
         streets: Carriageway of each street.
         junctions: Carriageway of each junction; streets and junctions do not overlap.
+        driven: The driven streets with their pavements and all that they enclose.
+        outskirts: Carriageways of the streets beyond `driven`.
     """
 
     carriageway: BaseGeometry
@@ -48,6 +52,8 @@ class Ground:
     land: BaseGeometry
     streets: tuple[BaseGeometry, ...]
     junctions: tuple[BaseGeometry, ...]
+    driven: BaseGeometry
+    outskirts: tuple[BaseGeometry, ...] = ()
 
 
 def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margin_m: float) -> Ground:
@@ -57,7 +63,7 @@ def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margi
         network: The street network.
         roads: Its lanes.
         trims: Trimmed lengths of its streets.
-        margin_m: Distance from the outermost streets to the edge of the land [m].
+        margin_m: Least distance from the driven streets to the edge of the land [m].
 
     Returns:
         The plan.
@@ -74,20 +80,46 @@ def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margi
         for lane in roads.lanes
         if lane.kind != "street"
     ]
-    carriageway = _rounded(shapely.union_all(swept + turns), _CORNER_M)
+    beyond = [
+        LineString(street.line).buffer(street.type.half_width_m, quad_segs=6) for street in network.outskirts
+    ]
+    carriageway = _rounded(shapely.union_all(swept + turns + beyond), _CORNER_M)
     paved = [
         middle.buffer(street.type.half_width_m + street.type.pavement_m)
         for middle, street in zip(middles, network.streets, strict=True)
     ]
+    driven = _filled(shapely.union_all([*paved, *turns]))
+    paved += [
+        LineString(street.line).buffer(street.type.half_width_m + street.type.pavement_m)
+        for street in network.outskirts
+    ]
     narrowest = min(street.type.pavement_m for street in network.streets)
     corridor = _rounded(shapely.union_all([*paved, carriageway.buffer(narrowest)]), 3.0)
-    outer = shapely.union_all([Polygon(p.exterior) for p in polygons(corridor)])
-    land = outer.buffer(margin_m) if margin_m else box(-500.0, -500.0, 500.0, 500.0)
-    if margin_m > 100.0:
-        land = box(*land.bounds)
-    land = shapely.union_all([Polygon(p.exterior) for p in polygons(land.simplify(0.5))])
-    streets, crossings = _pieces(network, trims, carriageway)
-    return Ground(carriageway=carriageway, corridor=corridor, land=land, streets=streets, junctions=crossings)
+    streets, crossings = _pieces(network, trims, carriageway.intersection(driven) if beyond else carriageway)
+    return Ground(
+        carriageway=carriageway,
+        corridor=corridor,
+        land=_land(driven, corridor, margin_m, has_outskirts=bool(beyond)),
+        streets=streets,
+        junctions=crossings,
+        driven=driven,
+        outskirts=tuple(polygons(carriageway.difference(driven))) if beyond else (),
+    )
+
+
+def _filled(shape: BaseGeometry) -> BaseGeometry:
+    """Return a shape with all that it encloses."""
+    return shapely.union_all([Polygon(polygon.exterior) for polygon in polygons(shape)])
+
+
+def _land(
+    driven: BaseGeometry, corridor: BaseGeometry, margin_m: float, *, has_outskirts: bool
+) -> BaseGeometry:
+    """Return the ground up to `margin_m` beyond the driven streets, in the country a rectangle."""
+    if not has_outskirts and margin_m > 100.0:
+        return box(*_filled(corridor).buffer(margin_m).bounds)
+    land = driven.buffer(margin_m).union(_filled(corridor).buffer(min(margin_m, _BACK_GARDENS_M)))
+    return _filled(land.simplify(0.5))
 
 
 def _end_m(network: Network, junction: int) -> float:

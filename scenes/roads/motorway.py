@@ -185,4 +185,5 @@ def _ground(middle: Line, roads: RoadGraph, margin_m: float) -> Ground:
         land=land,
         streets=(main.intersection(carriageway),),
         junctions=tuple(rest),
+        driven=carriageway,
     )

@@ -85,18 +85,33 @@ class Street:
 
 
 @dataclass(frozen=True, kw_only=True)
+class OuterStreet:
+    """A street beyond those that are driven: it has a carriageway but no lanes.
+
+    Attributes:
+        line: Its centre line (P, 2) [m].
+        type: Its cross-section.
+    """
+
+    line: Line
+    type: StreetType
+
+
+@dataclass(frozen=True, kw_only=True)
 class Network:
     """Junctions and the streets between them.
 
     Attributes:
         junctions: Positions of the junctions (J, 2) float64 [m].
-        streets: The streets.
+        streets: The streets that are driven.
         roundabouts: Indices of the junctions that are roundabouts.
+        outskirts: The streets around them, which no vehicle drives on.
     """
 
     junctions: NDArray[np.float64]
     streets: tuple[Street, ...]
     roundabouts: frozenset[int] = field(default_factory=frozenset)
+    outskirts: tuple[OuterStreet, ...] = ()
 
     def arms(self, junction: int) -> list[tuple[int, bool]]:
         """List the street ends at a junction.

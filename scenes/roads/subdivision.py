@@ -2,10 +2,12 @@
 
 Compare Parish & Muller, SIGGRAPH 2001, and the block subdivision of Vanegas et al., Eurographics 2012. Blocks
 are convex polygons on a chart. A new street keeps its distance from other junctions or runs into one of them;
-angles between streets are checked in the world. Dead ends and roundabouts follow.
+angles between streets are checked in the world. Dead ends and roundabouts follow. Around the outer ring the
+same rules lay out streets that are not driven, so that a drive along the ring sees a town on either side.
 """
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,11 +19,14 @@ from echoscape.scenes.roads.street_network import (
     PLAIN,
     STREET,
     Network,
+    OuterStreet,
     Street,
     StreetType,
 )
 
 SMALLEST_ANGLE_RAD = np.deg2rad(56.0)
+_LATE_DEPTH = 3
+"""Number of splits after which the type of a street is drawn."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +35,7 @@ class SubdivisionSettings:
 
     Attributes:
         half_size_m: Half the size of the network in x and y [m].
+        outskirts_m: Width of the streets around it that are not driven [m], 0 for none.
         block_m2: Typical area below which blocks are not split [m^2].
         swirl_rad: Swirl of the chart [rad], see `Chart`.
         shear: Shear of the chart.
@@ -43,6 +49,7 @@ class SubdivisionSettings:
     """
 
     half_size_m: tuple[float, float] = (590.0, 560.0)
+    outskirts_m: float = 270.0
     block_m2: float = 15500.0
     swirl_rad: float = 0.6
     shear: float = 0.35
@@ -76,7 +83,8 @@ def subdivided_network(settings: SubdivisionSettings, *, rng: np.random.Generato
     _split_all(plan, settings, rng)
     _remove_some(plan, settings, rng)
     _add_spurs(plan, settings, rng)
-    return _network(plan, settings, rng)
+    network = _network(plan, settings, rng)
+    return replace(network, outskirts=_outskirts(plan, settings, rng) if settings.outskirts_m else ())
 
 
 @dataclass(frozen=True)
@@ -97,7 +105,7 @@ class _StreetPlan:
     def __init__(self, settings: SubdivisionSettings, chart: Chart) -> None:
         self.chart = chart
         self.settings = settings
-        self.nodes: list[Line] = list(_outline(settings))
+        self.nodes: list[Line] = list(_outline(settings.half_size_m))
         count = len(self.nodes)
         self.edges: dict[tuple[int, int], int] = {_key(i, (i + 1) % count): 0 for i in range(count)}
         self.depths: list[int] = [1]
@@ -151,12 +159,12 @@ def _apart(first: float, second: float) -> float:
     return abs((first - second + np.pi) % (2 * np.pi) - np.pi)
 
 
-def _outline(settings: SubdivisionSettings) -> Line:
-    """Return the corners of the outer ring (10, 2) [m], a superellipse."""
+def _outline(half_size_m: tuple[float, float]) -> Line:
+    """Return the corners of a ring (10, 2) [m], a superellipse."""
     angle = np.linspace(0, 2 * np.pi, 10, endpoint=False) + 0.2
     cos, sin = np.cos(angle), np.sin(angle)
     radius = (np.abs(cos) ** 3.0 + np.abs(sin) ** 3.0) ** (-1 / 3.0)
-    return np.stack([cos, sin], axis=-1) * radius[:, None] * settings.half_size_m
+    return np.stack([cos, sin], axis=-1) * radius[:, None] * half_size_m
 
 
 def _area(points: Line) -> float:
@@ -165,9 +173,11 @@ def _area(points: Line) -> float:
     return float(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
-def _split_all(plan: _StreetPlan, settings: SubdivisionSettings, rng: np.random.Generator) -> None:
-    """Split blocks until they are small."""
-    waiting = [(plan.faces[0], 0)]
+def _split_all(
+    plan: _StreetPlan, settings: SubdivisionSettings, rng: np.random.Generator, *, depth: int = 0
+) -> None:
+    """Split all blocks, the results of `depth` splits, until they are small."""
+    waiting = [(face, depth) for face in plan.faces]
     while waiting:
         face, depth = waiting.pop(0)
         points = np.array([plan.nodes[n] for n in face])
@@ -295,7 +305,8 @@ def _network(plan: _StreetPlan, settings: SubdivisionSettings, rng: np.random.Ge
     streets = []
     for (a, b), street in sorted(plan.edges.items()):
         dead = len(plan.neighbours(b)) == 1 or len(plan.neighbours(a)) == 1
-        bow = 0.0 if dead else float(rng.uniform(-1, 1)) * settings.bow
+        # Other streets meet the outer ring anywhere, so that it does not bow.
+        bow = 0.0 if dead or street == 0 else float(rng.uniform(-1, 1)) * settings.bow
         line = chart_street(plan.chart, plan.nodes[a], plan.nodes[b], bow=bow)
         streets.append(Street(start=number[a], end=number[b], line=line, type=types[street]))
     junctions = plan.chart(np.array([plan.nodes[n] for n in used]))
@@ -303,6 +314,54 @@ def _network(plan: _StreetPlan, settings: SubdivisionSettings, rng: np.random.Ge
     return Network(
         junctions=junctions, streets=network.streets, roundabouts=_roundabouts(network, settings.roundabouts)
     )
+
+
+def _outskirts(
+    plan: _StreetPlan, settings: SubdivisionSettings, rng: np.random.Generator
+) -> tuple[OuterStreet, ...]:
+    """Add blocks around the outer ring, split them, and return their streets."""
+    driven = len(plan.depths)
+    plan.faces = _outer_blocks(plan, settings)
+    _split_all(plan, settings, rng, depth=_LATE_DEPTH)
+    types = [_type(_LATE_DEPTH, settings, rng) for _ in plan.depths]
+    streets = []
+    for (a, b), street in sorted(plan.edges.items()):
+        if street >= driven:
+            bow = float(rng.uniform(-1, 1)) * settings.bow
+            line = chart_street(plan.chart, plan.nodes[a], plan.nodes[b], bow=bow)
+            streets.append(OuterStreet(line=line, type=types[street]))
+    return tuple(streets)
+
+
+def _outer_blocks(plan: _StreetPlan, settings: SubdivisionSettings) -> list[list[int]]:
+    """Add a second ring, and a street from each corner of the first one to it; return the blocks between."""
+    inner = _ring(plan)
+    x, y = settings.half_size_m
+    corners = _outline((x + settings.outskirts_m, y + settings.outskirts_m))
+    first = len(plan.nodes)
+    plan.nodes += list(corners)
+    count = len(corners)
+    pairs = [(first + i, first + (i + 1) % count) for i in range(count)]
+    for edge in [*pairs, *((i, first + i) for i in range(count))]:
+        plan.edges[_key(*edge)] = len(plan.depths)
+        plan.depths.append(_LATE_DEPTH)
+    at = [*(inner.index(i) for i in range(count)), len(inner)]
+    sides = [[*inner, inner[0]][a : b + 1] for a, b in itertools.pairwise(at)]
+    return [[*pair, *side[::-1]] for pair, side in zip(pairs, sides, strict=True)]
+
+
+def _ring(plan: _StreetPlan) -> list[int]:
+    """Return the nodes of the outer ring, counter-clockwise from node 0."""
+    links: dict[int, list[int]] = {}
+    for (a, b), street in plan.edges.items():
+        if street == 0:
+            links.setdefault(a, []).append(b)
+            links.setdefault(b, []).append(a)
+    x, y = plan.nodes[0]
+    ring = [0, max(links[0], key=lambda n: float(x * plan.nodes[n][1] - y * plan.nodes[n][0]))]
+    while ring[-1] != 0:
+        ring.append(next(n for n in links[ring[-1]] if n != ring[-2]))
+    return ring[:-1]
 
 
 def _type(depth: int, settings: SubdivisionSettings, rng: np.random.Generator) -> StreetType:

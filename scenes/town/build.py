@@ -27,7 +27,9 @@ from echoscape.scenes.roads.motorway import motorway
 from echoscape.scenes.roads.rural import country_roads, straight_road
 from echoscape.scenes.roads.street_network import Network
 from echoscape.scenes.roads.subdivision import subdivided_network
+from echoscape.scenes.town.building_pool import BuildingPool, building_pool
 from echoscape.scenes.town.land_use import blocks_of, fill_blocks
+from echoscape.scenes.town.outskirts import fill_outskirts
 from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
 from echoscape.scenes.town.presets import PRESETS, Preset
 from echoscape.scenes.town.roadside import dress_country_roads, dress_motorway
@@ -50,11 +52,14 @@ def build_town(preset: str = "town", *, seed: int) -> Scene:
     if preset not in PRESETS:
         raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {preset!r}")
     settings = PRESETS[preset]
-    builder = SceneBuilder((*vehicle_prototypes(), *furniture_prototypes(), *tree_prototypes()))
+    pool = building_pool(settings, seeds=_stage(seed, 4))
+    builder = SceneBuilder(
+        (*vehicle_prototypes(), *furniture_prototypes(), *tree_prototypes(), *pool.prototypes)
+    )
     if settings.layout == "motorway":
         roads, ground = _motorway(builder, settings, seed)
     else:
-        roads, ground = _streets(builder, settings, seed)
+        roads, ground = _streets(builder, pool, settings, seed)
     x0, y0, x1, y1 = (float(value) for value in ground.land.bounds)
     return Scene(
         preset=preset,
@@ -83,7 +88,9 @@ def road_network(settings: Preset, *, seed: int) -> tuple[Network, RoadGraph, Tr
     return network, roads, trims
 
 
-def _streets(builder: SceneBuilder, settings: Preset, seed: int) -> tuple[RoadGraph, Ground]:
+def _streets(
+    builder: SceneBuilder, pool: BuildingPool, settings: Preset, seed: int
+) -> tuple[RoadGraph, Ground]:
     """Lay out streets and add everything on and beside them."""
     network, roads, trims = road_network(settings, seed=seed)
     ground = ground_plan(network, roads, trims, margin_m=settings.margin_m)
@@ -95,6 +102,7 @@ def _streets(builder: SceneBuilder, settings: Preset, seed: int) -> tuple[RoadGr
     dress_streets(builder, occupied, network, trims, ground, settings, seeds=_stage(seed, 2))
     if settings.uses:
         fill_blocks(builder, occupied, ground, network, settings, seeds=_stage(seed, 1))
+        fill_outskirts(builder, occupied, ground, network, pool, settings, seeds=_stage(seed, 5))
     if settings.layout == "country":
         dress_country_roads(builder, occupied, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
     return replace(roads, footpaths=walks, kerbs=tuple(boundaries(ground.carriageway))), ground
@@ -129,7 +137,7 @@ def lay_ground(builder: SceneBuilder, ground: Ground, settings: Preset) -> None:
         settings: The preset.
     """
     high = settings.kerb_height_m
-    for piece in (*ground.streets, *ground.junctions):
+    for piece in (*ground.streets, *ground.junctions, *ground.outskirts):
         surface = level_mesh(piece, 0.0)
         if surface is not None:
             builder.add("road", {"asphalt": surface})

@@ -29,7 +29,7 @@ def fill_blocks(
     *,
     seeds: np.random.SeedSequence,
 ) -> dict[int, Use]:
-    """Build on every block.
+    """Build on every block between the driven streets.
 
     Args:
         builder: The scene.
@@ -40,9 +40,10 @@ def fill_blocks(
         seeds: Seeds of this stage.
 
     Returns:
-        Use of each block that is large enough, by its index in `blocks_of`.
+        Use of each block that is large enough, by its index among these blocks in `blocks_of`.
     """
-    blocks = blocks_of(ground)
+    shapely.prepare(ground.driven)
+    blocks = [block for block in blocks_of(ground) if ground.driven.contains(block.representative_point())]
     uses = _uses(blocks, network, preset, np.random.default_rng(seeds.spawn(1)[0]))
     avenues = shapely.union_all(
         [
@@ -78,7 +79,7 @@ def blocks_of(ground: Ground) -> list[Polygon]:
 def _uses(
     blocks: list[Polygon], network: Network, preset: Preset, rng: np.random.Generator
 ) -> dict[int, Use]:
-    """Choose a use for each block that is large enough; the outermost gets the most common one."""
+    """Choose a use for each block that is large enough."""
     middle = shapely.Point(network.junctions.mean(axis=0))
     names: list[Use] = [use for use, _ in preset.uses]
     weights = np.array([weight for _, weight in preset.uses])
@@ -86,7 +87,7 @@ def _uses(
     for number, block in enumerate(blocks):
         drawn: Use = names[int(rng.choice(len(names), p=weights / weights.sum()))]
         if block.area > _SMALLEST_M2:
-            uses[number] = names[0] if block.interiors else drawn
+            uses[number] = drawn
 
     def nearest(low_m2: float, high_m2: float) -> list[int]:
         fit = [n for n, b in enumerate(blocks) if low_m2 < b.area < high_m2 and not b.interiors]
@@ -131,8 +132,6 @@ def _build_up(
 ) -> None:
     """Add buildings along the sides of a block, their gardens, and the open space inside."""
     sides = sorted(frontages(block.outline, ground.corridor), key=lambda side: -len(side))
-    if block.outline.interiors:  # the outermost block is built on in part only
-        sides = [side for side in sides if rng.random() < 0.35]
     kinds = [_side_use(side, use, avenues) for side in sides]
     gardens: list[tuple[Polygon, str]] = []
     for side, kind in zip(sides, kinds, strict=True):

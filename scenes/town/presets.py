@@ -14,6 +14,9 @@ from echoscape.scenes.roads.subdivision import SubdivisionSettings
 Layout = Literal["subdivided", "motorway", "country", "plain"]
 Use = Literal["terrace", "houses", "flats", "shops", "park", "square", "car_park", "works", "yard"]
 
+SIGHT_M = 310.0
+"""Distance to which the world goes on beyond every lane [m]: more than any of the radars sees."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Preset:
@@ -25,7 +28,7 @@ class Preset:
         subdivision: Settings of a subdivided street network, None for other layouts.
         uses: Uses of a block with their relative frequencies.
         kerb_height_m: Height of the kerb [m], 0 for none.
-        margin_m: Width of the land beyond the outermost streets [m].
+        margin_m: Least width of the land beyond the driven streets [m].
         parked: Share of kerbside places that have a parked vehicle.
         trucks: Share of trucks among parked vehicles.
         street_trees: Share of places for street trees that have one.
@@ -37,7 +40,7 @@ class Preset:
     subdivision: SubdivisionSettings | None = None
     uses: tuple[tuple[Use, float], ...] = ()
     kerb_height_m: float = 0.12
-    margin_m: float = 60.0
+    margin_m: float = SIGHT_M
     parked: float = 0.2
     trucks: float = 0.05
     street_trees: float = 0.28
@@ -103,14 +106,11 @@ PRESETS: dict[str, Preset] = {
             name="motorway",
             layout="motorway",
             kerb_height_m=0.0,
-            margin_m=150.0,
             parked=0.0,
             street_trees=0.0,
         ),
-        Preset(
-            name="open", layout="country", kerb_height_m=0.0, margin_m=180.0, parked=0.0, street_trees=0.0
-        ),
-        Preset(name="empty", layout="plain", kerb_height_m=0.0, margin_m=0.0, parked=0.0, street_trees=0.0),
+        Preset(name="open", layout="country", kerb_height_m=0.0, parked=0.0, street_trees=0.0),
+        Preset(name="empty", layout="plain", kerb_height_m=0.0, margin_m=500.0, parked=0.0, street_trees=0.0),
     )
 }
 

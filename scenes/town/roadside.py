@@ -94,18 +94,20 @@ def scatter_trees(
     clear_m: float,
     rng: np.random.Generator,
 ) -> None:
-    """Plant trees at random on the land.
+    """Plant a tree at a random place in each square of the land.
 
     Args:
         builder: The scene.
         occupied: Occupied ground, which is extended.
         ground: Plan of the ground.
-        spacing_m: Side of the square that has about one tree [m].
+        spacing_m: Side of the squares [m].
         clear_m: Least distance from the carriageway [m].
         rng: Random generator.
     """
-    low, high = np.array(ground.land.bounds[:2]), np.array(ground.land.bounds[2:])
-    places = low + rng.uniform(0, 1, (int(np.prod(high - low) / spacing_m**2), 2)) * (high - low)
+    x0, y0, x1, y1 = ground.land.bounds
+    axes = np.arange(x0, x1, spacing_m), np.arange(y0, y1, spacing_m)
+    corners = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    places = rng.permutation(corners + rng.uniform(0, spacing_m, corners.shape))
     shape = ground.land.buffer(-6.0).difference(ground.carriageway.buffer(clear_m))
     for place in places[shapely.contains_xy(shape, places)]:
         if occupied.claim(Point(place).buffer(2.0)):

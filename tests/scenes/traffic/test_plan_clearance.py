@@ -38,7 +38,7 @@ Extent = tuple[float, float, float]
 def _small(name: str) -> Preset:
     subdivision = PRESETS[name].subdivision
     assert subdivision is not None
-    few = replace(subdivision, half_size_m=(190.0, 170.0), roundabouts=1, removed_share=0.0)
+    few = replace(subdivision, half_size_m=(190.0, 170.0), outskirts_m=0.0, roundabouts=1, removed_share=0.0)
     return replace(PRESETS[name], subdivision=few, margin_m=20.0)
 
 
