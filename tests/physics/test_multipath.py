@@ -101,6 +101,35 @@ def test_bounce_limit_of_one_removes_every_ghost(law: LawRecorder, yard: Echoes)
     )
 
 
+def displaced_share(echoes: Echoes, mine: np.ndarray) -> float:
+    """Share of the power of echoes that shows none of the surfaces on its path."""
+    power = echoes.mean_power[mine].astype(np.float64)
+    return float(power[echoes.displaced[mine]].sum() / power.sum())
+
+
+def test_ghosts_are_displaced_and_corners_are_not(law: LawRecorder, yard: Echoes) -> None:
+    law(
+        "Ghost of a car in a wall: share of its power that is flagged displaced",
+        source="its image lies 10 m behind the wall",
+        expected=1.0,
+        simulated=displaced_share(yard, (yard.bounces == 3) & (yard.instance == 2)),
+        tolerance=0,
+        why="every echo",
+    )
+    low_wall = ("concrete", "wall", plate([40.0, 0, 1.0], [-1, 0], 12.0, 2.0))
+    echoes = traced(world(low_wall, ROAD), max_bounces=3, floor_db=-30.0, sensor=STEADY)
+    corner = (echoes.bounces > 1) & (np.abs(echoes.range_m - 40.2) < 0.3)
+    assert corner.sum() > 300
+    law(
+        "Road and wall of 2 m, 40 m away: share of the double bounces' power that is flagged displaced",
+        source="by the road its top appears 2 h z / d = 0.2 m farther, less than two range cells",
+        expected=0.0,
+        simulated=displaced_share(echoes, corner),
+        tolerance=1e-3,
+        why="a few rays leave the wall to the side",
+    )
+
+
 def with_and_without_ghosts(town: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Labels (400, bins) of a scan's cells, and which of them are above 0 only with ghosts."""
     detected, labels = [], np.zeros(0)
