@@ -182,7 +182,7 @@ def _check_attitude(table: Table, plan: DrivePlan) -> None:
     for number, row in enumerate(plan.attitude, 1):
         if max(map(abs, row)) > most:
             raise table.error(
-                f"attitude must be between -{most:.1f} and {most:.1f} deg; row {number} is {row}"
+                f"attitude must be between -{most:.1f} and {most:.1f} deg; row {number} is {list(row)}"
             )
 
 

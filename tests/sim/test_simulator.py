@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from echoscape.scenes.driving.body_motion import with_body_motion
 from echoscape.sim import simulator as scan
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.effects.echo_filter import EchoFilter
@@ -12,7 +13,7 @@ from echoscape.sim.receiver.receiver import received
 from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.sim.settings.tracing import TraceSettings
 from echoscape.sim.simulator import Simulator
-from tests.sim.worlds import box_prototype, mover, plate, quad, straight, world
+from tests.sim.worlds import Ride, box_prototype, mover, plate, quad, straight, world
 
 ON = {"rain": 10.0, "interference": 1.0}
 SETTINGS = [
@@ -30,7 +31,8 @@ def simulator(artefacts: Artefacts | None = None) -> Simulator:
     town = world(("asphalt", "road", ground), ("concrete", "building", plate([10, 15, 4], [0, -1], 60, 8)))
     car = box_prototype("box", (4.0, 1.8, 1.5), "metal")
     movers = [mover(10 + k, car, straight([25.0 + 15 * k, -4.0], [-6.0, 0.0])) for k in range(3)]
-    ride = straight([0.0, 0.0], [10.0, 0.0])
+    level = straight([0.0, 0.0], [10.0, 0.0]).trajectory
+    ride = Ride(with_body_motion(level, seed=5, roughness_m3=4e-4))
     return Simulator(
         town, ride, movers, seed=5, settings=TraceSettings(rays=16), artefacts=artefacts or Artefacts()
     )
@@ -50,6 +52,7 @@ def test_scans_are_those_of_separate_simulators(together: list[PolarScan], numbe
     for name in ("component", "instance", "class_id", "bounces", "moving"):
         np.testing.assert_array_equal(getattr(among.truth.cells, name), getattr(alone.truth.cells, name))
     np.testing.assert_array_equal(among.truth.pose, alone.truth.pose)
+    np.testing.assert_array_equal(among.truth.attitude, alone.truth.attitude)
     np.testing.assert_array_equal(among.truth.boxes.instance, alone.truth.boxes.instance)
     np.testing.assert_array_equal(among.truth.first_obstacle_m, alone.truth.first_obstacle_m)
 
@@ -97,10 +100,10 @@ def test_scene_is_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(made._tracer, "trace", lambda *a, **k: count.append(1) or trace(*a, **k))
     assert made.scans(0, []) == []
     assert count == []
-    made.scans(0, [each for each in SETTINGS if each.movers == each.motion_distortion == 1])
+    made.scans(0, [each for each in SETTINGS if each.movers == each.motion_distortion == each.attitude == 1])
     assert len(count) == 1
     made.scans(0, SETTINGS)
-    assert len(count) == 4  # and once for each of movers and motion distortion
+    assert len(count) == 5  # and once for each of movers, motion distortion and attitude
 
 
 def _counted(monkeypatch: pytest.MonkeyPatch, owner: object, name: str) -> list[int]:

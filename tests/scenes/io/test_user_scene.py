@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from echoscape.scenes.core.scene import CLASSES
 from echoscape.scenes.io.gltf_export import scene_to_glb
-from echoscape.scenes.io.strict_toml import SceneError
-from echoscape.scenes.io.user_drive import DrivePlan, make_user_drive
+from echoscape.scenes.io.strict_toml import SceneError, read_toml
+from echoscape.scenes.io.user_drive import DrivePlan, make_user_drive, read_drive_plan
 from echoscape.scenes.io.user_scene import BuiltUserScene, build_user_scene, read_user_scene
 from tests.paths import ROOT
 
@@ -347,6 +347,52 @@ def test_poses_are_interpolated_and_a_stationary_car_stays_stationary() -> None:
     assert_allclose(drive.pose(np.linspace(0, 2, 50))[:, :2], 0.0, atol=1e-12)
     before, after = drive.trajectory.velocity(np.array([6 - 1e-6, 6 + 1e-6]))
     assert_allclose(before, after, atol=1e-3)
+
+
+def test_car_keeps_the_attitude_of_its_poses() -> None:
+    rows = tuple((float(t), 5.0 * t, 0.0, 0.0) for t in range(6))
+    given = ((0.0, 0.0), (1.0, -2.0), (-1.5, 0.5), (0.0, 0.0), (2.0, 2.0), (0.0, 0.0))
+    track = make_user_drive(DrivePlan(poses=rows, attitude=given), seed=0).trajectory
+    assert_allclose(np.degrees(track.tilt(np.arange(6.0))), given, atol=1e-12)
+
+
+def test_car_pitches_and_rolls_as_on_a_road_of_its_class() -> None:
+    rows = tuple((float(t), 9.0 * t, 0.0, 0.0) for t in range(101))
+    swing = {
+        name: make_user_drive(DrivePlan(poses=rows, road_class=name), seed=3).trajectory.tilt(
+            np.linspace(5, 100, 2000)
+        )
+        for name in ("smooth", "A", "C")
+    }
+    assert np.abs(swing["smooth"]).max() < 1e-6
+    # A class has four times the roughness of the one before, and class C is 16 times as rough as A.
+    assert_allclose(swing["C"], 4 * swing["A"], rtol=1e-3, atol=1e-6)
+    assert 0.1 < np.degrees(swing["C"]).std() < 0.5
+    again = make_user_drive(DrivePlan(poses=rows), seed=3).trajectory.tilt(np.linspace(5, 100, 2000))
+    assert_allclose(again, swing["C"])
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("attitude = [[0, 0]]", "attitude must have a row for each of the 2 poses, got 1"),
+        ("attitude = [[0, 0], [30, 0]]", r"between -28\.6 and 28\.6 deg; row 2 is \[30\.0, 0\.0\]"),
+        ("attitude = [[0, 0], [1]]", r"attitude must be \[\[pitch_deg, roll_deg\], \.\.\.\]"),
+        ('road_class = "F"', "road_class must be one of smooth, A, B, C, D, E, got 'F'"),
+    ],
+)
+def test_attitude_that_is_none_is_refused(tmp_path: Path, more: str, message: str) -> None:
+    path = tmp_path / "drive.toml"
+    path.write_text(f"poses = [[0, 0, 0, 0], [9, 9, 0, 0]]\n{more}\n")
+    with pytest.raises(SceneError, match=message):
+        read_drive_plan(read_toml(path))
+
+
+def test_attitude_needs_poses(tmp_path: Path) -> None:
+    path = tmp_path / "drive.toml"
+    path.write_text("waypoints = [[0, 0], [9, 0]]\nspeed_mps = 3\nattitude = [[0, 0], [0, 0]]\n")
+    with pytest.raises(SceneError, match="attitude"):
+        read_drive_plan(read_toml(path))
 
 
 @pytest.mark.parametrize("z_m", [1.0001e4, -np.inf, np.nan])

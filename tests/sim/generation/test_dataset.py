@@ -113,6 +113,10 @@ def test_tracks_hold_the_car_and_its_poses(made: Path) -> None:
     )
     truth = read_truth(made / "truth" / f"{read_timestamps(made / 'radar.timestamps')[0]}.npz")
     assert_allclose(car[0, 2:4], truth.pose[0, :2], atol=1e-3)
+    assert lines[0].endswith(",pitch_rad,roll_rad")
+    assert truth.attitude is not None
+    assert_allclose(car[0, 9:], truth.attitude[0], atol=1e-4)
+    assert np.abs(car[:, 9:]).max() > 0
 
 
 def test_resuming_a_whole_dataset_changes_nothing(made: Path) -> None:

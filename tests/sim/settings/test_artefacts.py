@@ -37,6 +37,7 @@ EXPLICIT = Artefacts(
     leakage=1,
     quantisation=2.0**-11,  # 12 bits over -A to A
     motion_distortion=1,
+    attitude=1,
     doppler=0.049,
     movers=1,
     rain=0,
@@ -133,7 +134,14 @@ def test_true_is_the_default_where_that_is_something(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "most"),
-    [("speckle", 1), ("quantisation", 0.5), ("motion_distortion", 1), ("movers", 1), ("rain", 150)],
+    [
+        ("speckle", 1),
+        ("quantisation", 0.5),
+        ("motion_distortion", 1),
+        ("attitude", 5),
+        ("movers", 1),
+        ("rain", 150),
+    ],
 )
 def test_strengths_end_where_they_mean_nothing(name: str, most: float) -> None:
     replace(Artefacts(), **{name: most})
@@ -167,18 +175,16 @@ def test_own_phase_noise_is_what_is_drawn() -> None:
 def test_skirt_goes_by_the_square_of_the_phase() -> None:
     echoes = tones([100.02], [1e-9])
     clean = signal(echoes, SILENT)
-    rest = {rad: signal(echoes, replace(SILENT, phase_noise=rad)) - clean for rad in (0.002, 0.004)}
-    ratio = rest[0.004].var() / rest[0.002].var()
-    assert ratio == pytest.approx(4.0, rel=0.01)  # the same draws; second order is 1e-5
+    rest = {rad: signal(echoes, replace(SILENT, phase_noise=rad)) - clean for rad in (0.02, 0.04)}
+    ratio = rest[0.04].var() / rest[0.02].var()
+    assert ratio == pytest.approx(4.0, rel=0.01)  # the same draws; second order is 1e-3
 
 
 def test_saturation_lowers_the_clipping_level_by_its_decibels() -> None:
-    echoes = tones([100.02], [1e-3])  # far above full scale
-    peak = {
-        each: np.abs(signal(echoes, replace(SILENT, saturation=each))).max() for each in (0.5, 1.0, 2.0, 10.0)
-    }
+    echoes = tones([100.02], [1e-3])  # far above the compression point: beyond 1.3 the converter clips
+    peak = {each: np.abs(signal(echoes, replace(SILENT, saturation=each))).max() for each in (2.0, 4.0, 20.0)}
     for each, found in peak.items():
-        assert 20 * math.log10(peak[1.0] / found) == pytest.approx(20 * math.log10(each), abs=0.01)
+        assert 20 * math.log10(peak[2.0] / found) == pytest.approx(20 * math.log10(each / 2), abs=0.01)
 
 
 @pytest.mark.parametrize("step", [2.0**-7, 2.0**-5])
