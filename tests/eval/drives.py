@@ -93,7 +93,7 @@ def scan_of(points_m: np.ndarray, motion: Motion, *, number: int = 0) -> PolarSc
     # The car's axes are those of the start, turned clockwise by yaw: forward (cos, sin), right (-sin, cos).
     forward = away @ [math.cos(yaw), math.sin(yaw)]
     right = away @ [-math.sin(yaw), math.cos(yaw)]
-    azimuths = np.arctan2(right, forward) / (2 * math.pi) * 400
+    azimuths = np.arctan2(right, forward) / (2 * math.pi) * 400 - 13 / 14  # the first looks along 13 / 5600
     bins = np.hypot(forward, right) / BIN_M - 0.5
     i, k = np.arange(400)[:, None, None], np.arange(1000)[None, :, None]
     codes = np.zeros((400, 1000))

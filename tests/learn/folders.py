@@ -28,7 +28,8 @@ def codes_from(spots: NDArray[np.float64], pose: tuple[float, float, float]) -> 
     distance = np.hypot(*away.T)
     codes = np.zeros((AZIMUTHS, BINS))
     rows, columns = np.arange(-6, 7), np.arange(-60, 61)
-    for angle, range_m in zip(azimuth / (2 * math.pi) * AZIMUTHS, distance / BIN_M - 0.5, strict=True):
+    rows_at = azimuth / (2 * math.pi) * AZIMUTHS - 13 / 14  # the first azimuth looks along 13 / 5600
+    for angle, range_m in zip(rows_at, distance / BIN_M - 0.5, strict=True):
         row, column = round(angle), round(range_m)
         wide = np.exp(-(((row + rows - angle) / 2) ** 2))[:, None] * np.exp(
             -(((column + columns - range_m) / 25) ** 2)
