@@ -9,11 +9,13 @@ of artefacts share the steps in which they agree; a single scan is the case of o
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.scene import Mover, Scene
+from echoscape.scenes.core.surroundings import reached_area, surroundings
 from echoscape.sim.datasets.polar_scan import EPOCH_US, PolarScan, ScanTruth
 from echoscape.sim.echoes import Echoes, Origin
 from echoscape.sim.effects.echo_filter import EchoFilter, Selection, selection
@@ -30,6 +32,7 @@ from echoscape.sim.raytracing.scan_state import ScanState, scan_state
 from echoscape.sim.raytracing.target_mirrors import MirrorFaces, mirror_faces
 from echoscape.sim.raytracing.tracer import Tracer
 from echoscape.sim.receiver.front_end import FrontEnd, NoiseRealisation
+from echoscape.sim.receiver.if_signal import BIN_CENTRE, CELL_BINS, grid_cells
 from echoscape.sim.receiver.quantiser import codes
 from echoscape.sim.receiver.receiver import Received, received
 from echoscape.sim.sensor.cts350x import CTS350X
@@ -41,6 +44,8 @@ from echoscape.sim.settings.tracing import TraceSettings
 _STAGES = {"noise": 302, "phase_noise": 303, "rain": 306}
 """Numbers of the random stages; 301 and 307 belong to `sim.kinematics.timeline`, 304 and 305 to
 `sim.effects.interference`."""
+_SPARE_M = 20.0
+"""Distance from the rays of the antenna within which what is beside them matters: Fresnel zones, beam [m]."""
 _PATH_ARTEFACTS = ("motion_distortion", "attitude", "movers")
 """Artefacts that change the paths of rays."""
 _ECHO_ARTEFACTS = ("ghosts", "sidelobes", "doppler", "rain")
@@ -56,7 +61,7 @@ class Propagation:
     Attributes:
         state: Times, poses, moving objects and ray scene.
         echoes: The traced echoes, or those that were given instead.
-        clear_share: Share of the two-way beam that reaches each bin of the grid (A, fft_size / 2) float32;
+        clear_share: Share of the two-way beam that reaches each cell of the grid (A, fft_size / 4) float32;
             None without rain.
         interferers: The same scan with all vehicles whose radars may interfere; None without interference.
     """
@@ -74,7 +79,7 @@ class ReceiverInput:
     Attributes:
         dominant: The echoes, by the cells that they dominate.
         front_end: The receiver up to the converter, fed with echoes and rain.
-        rain_w: Mean power of rain on the grid (A, fft_size / 2) float32 [W]; None without rain.
+        rain_w: Mean power of rain on the grid (A, fft_size / 4) float32 [W]; None without rain.
     """
 
     dominant: DominantEchoIndex
@@ -120,7 +125,8 @@ class Simulator:
         self._seed = seed
         self._track = drive.trajectory
         self._timeline = Timeline(drive, movers, sensor=sensor, seed=seed)
-        self._scene = MitsubaScene(scene, movers)
+        self._whole = scene, tuple(movers)
+        self._scene = self._within(1.02 * sensor.range_m)
         self._tracer = Tracer(
             sensor,
             settings or TraceSettings(),
@@ -278,12 +284,25 @@ class Simulator:
         interferers = None
         if any(each.interference for each in left):
             vehicles = self._timeline.movers(revolution, settings[0], reach_m=INTERFERER_REACH_M)
-            interferers = state.with_movers(self._scene, vehicles)
+            interferers = state.with_movers(self._interferer_scene, vehicles)
         return Propagation(state=state, echoes=echoes, clear_share=clear_share, interferers=interferers)
 
+    @cached_property
+    def _interferer_scene(self) -> MitsubaScene:
+        """All that may hide the radars of other vehicles, which are heard from farther than echoes."""
+        return self._within(max(INTERFERER_REACH_M, 1.02 * self.sensor.range_m))
+
+    def _within(self, reach_m: float) -> MitsubaScene:
+        """Load what the rays of the drive can reach: a short drive sees a tenth of a town."""
+        scene, movers = self._whole
+        area = reached_area(self._track, reach_m=reach_m + _SPARE_M)
+        return MitsubaScene(surroundings(scene, area), movers)
+
     def _grid_edges_m(self) -> NDArray[np.float64]:
-        """Return the near edges of the bins of the grid (fft_size / 2,) [m]."""
-        return np.arange(self.sensor.fft_size // 2, dtype=np.float64) * self.sensor.bin_m
+        """Return the near edges of the cells of the grid (fft_size / 4,) [m]."""
+        first = BIN_CENTRE - CELL_BINS / 2
+        cells = np.arange(grid_cells(self.sensor), dtype=np.float64)
+        return np.maximum((cells * CELL_BINS + first) * self.sensor.bin_m, 0)
 
     def _traced(self, state: ScanState, primary: PrimaryHits, settings: Sequence[Artefacts]) -> Echoes:
         """Trace a scan, ghosts included where a setting has them."""

@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from echoscape.sim.echoes import Echoes
 from echoscape.sim.effects.rain import rain_gain
 from echoscape.sim.numerics.decibels import power_ratio
-from echoscape.sim.receiver.if_signal import beat, echo_grid, grid_place, spectrum, sweep_ripple
+from echoscape.sim.receiver.if_signal import (
+    CELL_BINS,
+    beat,
+    echo_grid,
+    grid_cells,
+    grid_place,
+    spectrum,
+    sweep_ripple,
+)
 from echoscape.sim.receiver.range_fft import azimuth_blocks
 from echoscape.sim.sensor.link_budget import window
 from echoscape.sim.sensor.sensor import Sensor
@@ -74,7 +82,7 @@ def speckled_grid(echoes: Echoes, sensor: Sensor, *, speckle: float) -> NDArray[
         speckle: Share of the power that interferes, 0 to 1.
 
     Returns:
-        Amplitudes (azimuths, fft_size / 2) complex64 [sqrt(W)].
+        Amplitudes (azimuths, fft_size / 4) complex64 [sqrt(W)].
     """
     if speckle == 1:
         return echo_grid(echoes, sensor)
@@ -90,7 +98,7 @@ def speckled_grid(echoes: Echoes, sensor: Sensor, *, speckle: float) -> NDArray[
 def speckle_free_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.float32]:
     """Return amplitudes in phase whose range profile has the expected power.
 
-    The expected power of a bin is the sum of the mean powers P of the echoes under the point spread,
+    The expected power of a cell is the sum of the mean powers P of the echoes under the point spread,
     P * |psf|^2. Starting from the root of P, the grid g is multiplied twice by sqrt(P * |psf|^2) / |g * psf|.
 
     Args:
@@ -98,30 +106,32 @@ def speckle_free_grid(echoes: Echoes, sensor: Sensor) -> NDArray[np.float32]:
         sensor: The radar.
 
     Returns:
-        Amplitudes (azimuths, fft_size / 2) float32 [sqrt(W)].
+        Amplitudes (azimuths, fft_size / 4) float32 [sqrt(W)].
     """
-    bins = sensor.fft_size // 2
-    index = np.clip(np.rint(grid_place(echoes.range_m, sensor)), 0, bins - 1).astype(np.int64)
-    power = np.bincount(echoes.azimuth * np.int64(bins) + index, echoes.mean_power, sensor.azimuths * bins)
-    power = power.astype(np.float64, copy=False).reshape(sensor.azimuths, bins)
+    cells, heard = grid_cells(sensor), -(-sensor.bins // CELL_BINS)
+    index = np.clip(np.rint(grid_place(echoes.range_m, sensor) / CELL_BINS), 0, cells - 1).astype(np.int64)
+    power = np.bincount(echoes.azimuth * np.int64(cells) + index, echoes.mean_power, sensor.azimuths * cells)
+    power = power.astype(np.float64, copy=False).reshape(sensor.azimuths, cells)
     grid = np.sqrt(power).astype(np.float32)
     for block in azimuth_blocks(sensor.azimuths):
         wanted = _expected_amplitude(power[block], sensor)
         for _ in range(_ROUNDS):
-            found = np.abs(spectrum(beat(grid[block].astype(np.complex64), sensor), sensor))
+            signal = beat(grid[block].astype(np.complex64), sensor)
+            found = np.abs(spectrum(signal, sensor, step=CELL_BINS))
             change = np.divide(wanted, found, out=np.ones_like(wanted), where=found > 0)
-            grid[block, : sensor.bins] *= np.clip(change, 1 / _MOST_CHANGE, _MOST_CHANGE)
+            grid[block, :heard] *= np.clip(change, 1 / _MOST_CHANGE, _MOST_CHANGE)
     return grid
 
 
 def _expected_amplitude(power: NDArray[np.float64], sensor: Sensor) -> NDArray[np.float32]:
-    """Return the root of the expected |FFT|^2 (azimuths, bins) of independent powers on the grid [W]."""
-    expected = np.fft.irfft(np.fft.rfft(power, sensor.fft_size) * _spread_spectrum(sensor))
-    return np.sqrt(np.maximum(expected[:, : sensor.bins], 0)).astype(np.float32)
+    """Return the root of the expected |FFT|^2 (azimuths, bins / CELL_BINS) of independent powers [W]."""
+    expected = np.fft.irfft(np.fft.rfft(power, sensor.fft_size // CELL_BINS) * _spread_spectrum(sensor))
+    return np.sqrt(np.maximum(expected[:, : -(-sensor.bins // CELL_BINS)], 0)).astype(np.float32)
 
 
 @lru_cache(maxsize=8)
 def _spread_spectrum(sensor: Sensor) -> NDArray[np.complex128]:
-    """Return the transform (fft_size / 2 + 1,) of |FFT|^2 around the bin of an echo of 1 W."""
-    spread = np.fft.fft(window(sensor) * sweep_ripple(sensor), sensor.fft_size) / math.sqrt(2)
+    """Return the transform (fft_size / 4 + 1,) of |FFT|^2 around the cell of an echo of 1 W."""
+    size = sensor.fft_size // CELL_BINS
+    spread = np.fft.fft(window(sensor) * sweep_ripple(sensor), size) / math.sqrt(2)
     return np.fft.rfft(np.abs(spread) ** 2)

@@ -15,7 +15,7 @@ from scipy.special import spherical_jn, spherical_yn
 
 from echoscape.sim.numerics.constants import SPEED_OF_LIGHT
 from echoscape.sim.numerics.decibels import power_ratio
-from echoscape.sim.receiver.if_signal import BIN_CENTRE
+from echoscape.sim.receiver.if_signal import BIN_CENTRE, CELL_BINS, grid_cells
 from echoscape.sim.sensor.antenna import Antenna
 from echoscape.sim.sensor.link_budget import link_w_m2
 from echoscape.sim.sensor.sensor import Sensor
@@ -157,7 +157,7 @@ def rain_gain(range_m: NDArray, rate_mm_h: float, sensor: Sensor) -> NDArray[np.
 def rain_power_w(
     sensor: Sensor, antenna: Antenna, *, rate_mm_h: float, clear: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return the mean power of the echoes of rain in each bin of the grid.
+    """Return the mean power of the echoes of rain in each cell of the grid.
 
     A shell of thickness dr returns link / (4 pi) eta dr / r^2 times the solid angle of the two-way pattern.
     Objects on the vehicle attenuate it as they do echoes.
@@ -166,15 +166,16 @@ def rain_power_w(
         sensor: The radar.
         antenna: Its patterns.
         rate_mm_h: Rain rate, above 0 [mm/h].
-        clear: Share of the beam that reaches each bin, ended by neither road nor buildings (azimuths,
-            fft_size / 2).
+        clear: Share of the beam that reaches each cell, ended by neither road nor buildings (azimuths,
+            fft_size / 4).
 
     Returns:
-        Mean powers (azimuths, fft_size / 2) float32 [W].
+        Mean powers (azimuths, fft_size / 4) float32 [W].
     """
-    range_m = (np.arange(sensor.fft_size // 2) + BIN_CENTRE) * sensor.bin_m
+    cell_m = CELL_BINS * sensor.bin_m
+    range_m = np.arange(grid_cells(sensor)) * cell_m + BIN_CENTRE * sensor.bin_m
     reflectivity, _ = drops(rate_mm_h, sensor.carrier_hz)
-    shell = link_w_m2(sensor) / (4 * math.pi) * reflectivity * sensor.bin_m * antenna.two_way_energy_sr
+    shell = link_w_m2(sensor) / (4 * math.pi) * reflectivity * cell_m * antenna.two_way_energy_sr
     in_range = (range_m > _NEAREST_M) & (range_m < sensor.range_m)
     power = shell / range_m**2 * in_range * rain_gain(range_m, rate_mm_h, sensor) ** 2
     return clear * np.outer(power_ratio(-sensor.azimuth_loss_db), power).astype(np.float32)
@@ -183,14 +184,14 @@ def rain_power_w(
 def rain_grid(power_w: NDArray[np.float32], *, rng: np.random.Generator) -> NDArray[np.complex64]:
     """Draw the echoes of rain, circular complex Gaussian.
 
-    Drops rearrange within a millisecond, so every azimuth and bin is drawn independently.
+    Drops rearrange within a millisecond, so every azimuth and cell is drawn independently.
 
     Args:
-        power_w: Mean powers (azimuths, bins) float32 [W].
+        power_w: Mean powers (azimuths, cells) float32 [W].
         rng: Draws the amplitudes.
 
     Returns:
-        Amplitudes (azimuths, bins) complex64 [sqrt(W)].
+        Amplitudes (azimuths, cells) complex64 [sqrt(W)].
     """
     draws = rng.standard_normal((*power_w.shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
     draws *= np.sqrt(power_w / 2)

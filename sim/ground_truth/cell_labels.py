@@ -130,7 +130,7 @@ class CellLabeller:
             dominant: The echoes that reached the receiver, from `dominant_echoes`.
             received: The output of the receiver with its parts.
             artefacts: Of which leakage counts.
-            rain_w: Mean power of rain on the grid (azimuths, fft_size / 2) [W]; None without rain.
+            rain_w: Mean power of rain on the grid (azimuths, fft_size / 4) [W]; None without rain.
 
         Returns:
             Component, object, bounce order and displacement of each cell (azimuths, bins).
@@ -159,8 +159,9 @@ class CellLabeller:
 
     def _rain(self, rain_w: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the mean written power of rain at every step of every azimuth (A, S)."""
-        bins = (np.sum(self._shape) * 2 - 1) * PART_STEP  # equivalent width of the point spread, by power
-        return (rain_w[:, : self._sensor.bins : PART_STEP] * (bins * self._unit_gain)).astype(np.float32)
+        # A step is a cell of the grid.
+        cells = np.sum(self._shape) * 2 - 1  # equivalent width of the point spread, by power
+        return (rain_w[:, : self._steps] * (cells * self._unit_gain)).astype(np.float32)
 
     def _largest(self, received: Received) -> NDArray[np.uint8]:
         """Return NOISE, DIRECT (any echo), SPOKE or INTERFERENCE by the largest part of each cell."""

@@ -16,12 +16,12 @@ from echoscape.sim.echoes import point_echoes
 from echoscape.sim.numerics.decibels import power_ratio
 from echoscape.sim.numerics.normal import standard_normal
 from echoscape.sim.receiver.compression import ONE_DB, compression_gain, saturation_amplitude
-from echoscape.sim.receiver.if_signal import analytic_beat, beat, echo_grid, spectrum, sweep_ripple
+from echoscape.sim.receiver.if_signal import CELL_BINS, analytic_beat, beat, echo_grid, spectrum, sweep_ripple
 from echoscape.sim.receiver.phase_noise import Modulation, modulated, modulation, phase_noise, sample_count
 from echoscape.sim.receiver.range_fft import azimuth_blocks, written_power
 from echoscape.sim.sensor.sensor import Sensor
 
-PART_STEP = 2
+PART_STEP = CELL_BINS
 """Parts of the power are computed in every second bin, since the point spread is some 8 bins wide."""
 _KEPT = 4
 """Results of each kind that are kept: settings mostly differ from one of them in one strength."""
@@ -64,7 +64,7 @@ def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
         sensor: The radar.
 
     Returns:
-        A grid of echoes (1, fft_size / 2) complex64 [sqrt(W)].
+        A grid of echoes (1, fft_size / 4) complex64 [sqrt(W)].
     """
     range_m, level_dbm = np.array(sensor.leakage_dbm).T
     phase = -4 * math.pi * range_m / sensor.wavelength_m
@@ -145,7 +145,7 @@ class FrontEnd:
         """Prepare without computing.
 
         Args:
-            grid: Echoes on the grid of range bins (azimuths, fft_size / 2) complex64 [sqrt(W)].
+            grid: Grid of echoes (azimuths, fft_size / 4) complex64 [sqrt(W)].
             sensor: The radar.
             draws: Random draws of the scan.
         """

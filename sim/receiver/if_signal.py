@@ -2,8 +2,9 @@
 
 An echo of amplitude a [sqrt(W)] at range r is a beat tone sqrt(2) Re(a exp(j 2 pi f n / fs)), f = 2 B r / (c
 T), with n counted from the sweep's middle. `beat_reference` sums the tones one by one; `beat` lays the echoes
-on the grid of range bins with linear weights and transforms once, then divides the weights' own spectrum
-(sinc^2) out, which is exact but for aliases below -50 dB.
+on a grid of cells of two range bins with the weights of a cubic B-spline, transforms once, and divides the
+weights' own spectrum (sinc^4) out. A sweep fills at most half of the period of the grid's transform; for the
+CTS350-X aliases stay below -50 dB at its ends, where the window is 0, and -80 dB half-way to them.
 
 Bin k of a spectrum is centred at (k + 1/2) bin_m, as the loaders of the real sensor's data take it: the delay
 of the feed is calibrated so that a tone of frequency k fs / fft_size comes from there.
@@ -23,6 +24,8 @@ from echoscape.sim.sensor.sensor import Sensor
 
 BIN_CENTRE = 0.5
 """Position in a bin at which an echo peaks."""
+CELL_BINS = 2
+"""Range bins of a cell of the grid of echoes, whose cell k is centred where bin k * CELL_BINS is."""
 
 
 def sample_times(sensor: Sensor) -> NDArray[np.int64]:
@@ -50,11 +53,23 @@ def grid_place(range_m: NDArray, sensor: Sensor) -> NDArray[np.float64]:
     return np.asarray(range_m, np.float64) / sensor.bin_m - BIN_CENTRE
 
 
-def echo_grid(echoes: Echoes, sensor: Sensor, *, azimuths: int | None = None) -> NDArray[np.complex64]:
-    """Sum echoes on the grid of range bins, with linear weights.
+def grid_cells(sensor: Sensor) -> int:
+    """Return the number of cells of a grid of echoes: all of the spectrum that real samples have.
 
-    Sums run in the order of the echoes, so the result does not depend on threads. Echoes nearer than half a
-    bin or beyond the grid are clamped to its ends.
+    Args:
+        sensor: The radar.
+
+    Returns:
+        fft_size / 4.
+    """
+    return sensor.fft_size // (2 * CELL_BINS)
+
+
+def echo_grid(echoes: Echoes, sensor: Sensor, *, azimuths: int | None = None) -> NDArray[np.complex64]:
+    """Sum echoes on the grid, each in four cells.
+
+    Sums run in the order of the echoes, so the result does not depend on threads. Echoes nearer than two and
+    a half bins or beyond the grid are clamped to its ends.
 
     Args:
         echoes: The echoes of a scan.
@@ -62,29 +77,39 @@ def echo_grid(echoes: Echoes, sensor: Sensor, *, azimuths: int | None = None) ->
         azimuths: Number of azimuths, by default the sensor's.
 
     Returns:
-        The grid (azimuths, fft_size / 2) complex64 [sqrt(W)].
+        The grid (azimuths, fft_size / 4) complex64 [sqrt(W)].
     """
-    bins = sensor.fft_size // 2
-    place = np.clip(grid_place(echoes.range_m, sensor), 0, bins - 1.001)
+    cells, azimuths = grid_cells(sensor), sensor.azimuths if azimuths is None else azimuths
+    place = np.clip(grid_place(echoes.range_m, sensor) * (1 / CELL_BINS), 1.0, cells - 2.001)
     cell = place.astype(np.int32)
-    azimuths = sensor.azimuths if azimuths is None else azimuths
-    index = np.empty((len(echoes), 2), np.int32)
-    np.add(echoes.azimuth.astype(np.int32, copy=False) * np.int32(bins), cell, out=index[:, 0])
-    np.add(index[:, 0], 1, out=index[:, 1])
-    weight = np.empty((len(echoes), 2), np.float32)
-    np.subtract(place, cell, out=weight[:, 1], casting="same_kind")
-    np.subtract(1, weight[:, 1], out=weight[:, 0])
-    ends = np.arange(0, index.size + 1, 2, dtype=np.int32)
-    # Every echo is a column with two weights: the product with the amplitudes adds them up in one pass.
-    columns = csc_array((weight.ravel(), index.ravel(), ends), shape=(azimuths * bins, len(echoes)))
-    return np.asarray(columns @ echoes.amplitude, np.complex64).reshape(azimuths, bins)
+    index = np.empty((len(echoes), 4), np.int32)
+    first = echoes.azimuth.astype(np.int32, copy=False) * np.int32(cells) + cell - 1
+    for k in range(4):
+        np.add(first, k, out=index[:, k])
+    ends = np.arange(0, index.size + 1, 4, dtype=np.int32)
+    weight = _spline_weights((place - cell).astype(np.float32))
+    # Every echo is a column with four weights: the product with the amplitudes adds them up in one pass.
+    columns = csc_array((weight.ravel(), index.ravel(), ends), shape=(azimuths * cells, len(echoes)))
+    return np.asarray(columns @ echoes.amplitude, np.complex64).reshape(azimuths, cells)
+
+
+def _spline_weights(after: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the cubic B-spline weights (E, 4) of places `after` the second of four cells (E,) [cells]."""
+    before, sixth = np.float32(1) - after, np.float32(1 / 6)
+    weight = np.empty((len(after), 4), np.float32)
+    weight[:, 0] = before * before * before * sixth
+    weight[:, 3] = after * after * after * sixth
+    two_thirds = np.float32(2 / 3)
+    weight[:, 1] = two_thirds - after * after * (np.float32(1) - np.float32(0.5) * after)
+    weight[:, 2] = two_thirds - before * before * (np.float32(1) - np.float32(0.5) * before)
+    return weight
 
 
 @lru_cache(maxsize=8)
 def _weights_spectrum(sensor: Sensor, count: int) -> NDArray[np.float32]:
-    """Return sqrt(2) over the spectrum (count,) of the grid's linear weights, sinc^2."""
+    """Return sqrt(2) over the spectrum (count,) of the grid's weights, sinc^4."""
     times = np.arange(count) - count // 2
-    return (math.sqrt(2) / np.sinc(times / sensor.fft_size) ** 2).astype(np.float32)
+    return (math.sqrt(2) / np.sinc(times * CELL_BINS / sensor.fft_size) ** 4).astype(np.float32)
 
 
 @lru_cache(maxsize=8)
@@ -113,13 +138,13 @@ def beat(grid: NDArray[np.complex64], sensor: Sensor) -> NDArray[np.float32]:
     """Compute the beat signal of a grid of echoes.
 
     Args:
-        grid: Grid of echoes (azimuths, fft_size / 2) complex64 [sqrt(W)].
+        grid: Grid of echoes (azimuths, fft_size / 4) complex64 [sqrt(W)].
         sensor: The radar.
 
     Returns:
         The beat signal (azimuths, samples) float32 [sqrt(W)].
     """
-    size, half = sensor.fft_size, sensor.samples // 2
+    size, half = sensor.fft_size // CELL_BINS, sensor.samples // 2
     # irfft halves all but the first bin against the sum over positive frequencies only.
     signal = irfft(grid, size)
     signal += grid[:, :1].real / np.float32(size)
@@ -133,17 +158,18 @@ def analytic_beat(grid: NDArray[np.complex64], sensor: Sensor, *, count: int) ->
     """Compute the analytic form of the beat signal, without the sweep's ripple.
 
     Args:
-        grid: Grid of echoes (azimuths, fft_size / 2) complex64 [sqrt(W)].
+        grid: Grid of echoes (azimuths, fft_size / 4) complex64 [sqrt(W)].
         sensor: The radar.
         count: Number of samples, even; they may reach beyond the sweep on both sides.
 
     Returns:
         Complex tones (azimuths, count) complex64 [sqrt(W)], whose real part is the beat signal.
     """
-    half = count // 2
-    signal = ifft(grid, sensor.fft_size)
+    size, half = sensor.fft_size // CELL_BINS, count // 2
+    signal = ifft(grid, size)
     middle = np.concatenate([signal[:, -half:], signal[:, :half]], axis=1)
-    return middle * (_weights_spectrum(sensor, count) * np.float32(sensor.fft_size))
+    middle *= _weights_spectrum(sensor, count) * np.float32(size)
+    return middle
 
 
 def beat_reference(echoes: Echoes, sensor: Sensor) -> NDArray[np.float64]:

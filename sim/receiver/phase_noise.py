@@ -19,7 +19,7 @@ from scipy.fft import next_fast_len, rfftfreq
 
 from echoscape.sim.numerics.fft import fft, ifft, irfft
 from echoscape.sim.numerics.normal import standard_normal
-from echoscape.sim.receiver.if_signal import analytic_beat
+from echoscape.sim.receiver.if_signal import CELL_BINS, analytic_beat
 from echoscape.sim.sensor.sensor import Sensor
 
 
@@ -116,7 +116,7 @@ def modulated(grid: NDArray[np.complex64], sensor: Sensor, modulation: Modulatio
     """Compute the beat tones of a grid of echoes under phase noise, without the sweep's ripple.
 
     Args:
-        grid: Grid of echoes (azimuths, fft_size / 2) complex64 [sqrt(W)].
+        grid: Grid of echoes (azimuths, fft_size / 4) complex64 [sqrt(W)].
         sensor: The radar.
         modulation: The effect of the phase.
 
@@ -124,7 +124,7 @@ def modulated(grid: NDArray[np.complex64], sensor: Sensor, modulation: Modulatio
         Complex tones (azimuths, samples) complex64 [sqrt(W)], whose real part is the beat signal.
     """
     count = modulation.late.shape[1]
-    early = grid * _delay(sensor, sensor.sample_hz / sensor.fft_size, grid.shape[1]).conj()
+    early = grid * _delay(sensor, CELL_BINS * sensor.sample_hz / sensor.fft_size, grid.shape[1]).conj()
     received = analytic_beat(early, sensor, count=count)
     received *= modulation.late
     tones = fft(received, overwrite=True)

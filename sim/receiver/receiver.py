@@ -88,7 +88,7 @@ def receive(
     The distortion is what the converter gives beyond echoes and thermal noise, other radars included.
 
     Args:
-        grid: Grid of echoes (azimuths, fft_size / 2) complex64 [sqrt(W)].
+        grid: Grid of echoes (azimuths, fft_size / 4) complex64 [sqrt(W)].
         sensor: The radar.
         artefacts: Strengths of the artefacts.
         noise_rng: Draws thermal noise.

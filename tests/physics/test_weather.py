@@ -84,7 +84,7 @@ def test_extinction_of_drops(law: LawRecorder) -> None:
 
 def test_rain_clutter(law: LawRecorder) -> None:
     """eta dV in a range cell of 1.5 c / 2B, with the beam's solid angle, put into the radar equation."""
-    clear = np.ones((FLAT.azimuths, FLAT.fft_size // 2), np.float32)
+    clear = np.ones((FLAT.azimuths, FLAT.fft_size // 4), np.float32)
     power_w = rain_power_w(FLAT, Antenna(FLAT), rate_mm_h=10.0, clear=clear)
     grid = rain_grid(power_w, rng=np.random.default_rng(1))
     rngs = [np.random.default_rng(k) for k in (2, 3)]
