@@ -114,5 +114,6 @@ def bearing_and_elevation(
     Returns:
         Bearings, clockwise from straight ahead, and elevations above the plane of the body (...) [rad].
     """
-    forward, right, up = np.moveaxis((axes @ away[..., None])[..., 0], -1, 0)
+    # Not a matrix product: those of BLAS round differently from processor to processor.
+    forward, right, up = np.moveaxis((axes * away[..., None, :]).sum(axis=-1), -1, 0)
     return np.arctan2(right, forward), np.arctan2(up, np.hypot(forward, right))

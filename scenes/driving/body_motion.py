@@ -157,12 +157,12 @@ def _on_springs(
     damp = 2 * damping * w
     below = _bilinear(1.0, damp, w * w)
     steady = load - load[0]
-    angle = lfilter(_bilinear(0.0, damp, w * w), below, road) + lfilter(
-        _bilinear(0.0, 0.0, w * w), below, steady
-    )
-    rate = lfilter(_bilinear(damp, w * w, 0.0), below, road) + lfilter(
-        _bilinear(0.0, w * w, 0.0), below, steady
-    )
+    # Loads act on the mass alone, the road through springs and dampers.
+    parts = (((damp, w * w), road), ((0.0, w * w), steady))
+    angle, rate = np.zeros_like(road), np.zeros_like(road)
+    for (linear, constant), signal in parts:
+        angle += lfilter(_bilinear(0.0, linear, constant), below, signal)
+        rate += lfilter(_bilinear(linear, constant, 0.0), below, signal)
     return angle + load[0], rate
 
 

@@ -85,4 +85,4 @@ def _filtered(
 
     k = 2 / STEP_M
     numerator = [above[0] * k + above[1], above[1] - above[0] * k]
-    return lfilter(numerator, [k + pole_per_m, pole_per_m - k], signal)
+    return np.asarray(lfilter(numerator, [k + pole_per_m, pole_per_m - k], signal))

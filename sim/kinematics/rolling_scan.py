@@ -168,11 +168,11 @@ def _sway(
     ahead_rate = -cos_pitch * cos_roll * pitch_rate + sin_pitch * sin_roll * roll_rate
     right_rate = cos_roll * roll_rate
     up_rate = -sin_pitch * cos_roll * pitch_rate - cos_pitch * sin_roll * roll_rate
-    level = np.moveaxis(body_axes(yaw, np.zeros_like(tilt)), 1, 0)  # forward, right, up, each (A, 3)
+    level = body_axes(yaw, np.zeros_like(tilt))
     # In a left turn the axis ahead moves to the left and the right one ahead.
     turned = (ahead_rate + yaw_rate * right, right_rate - yaw_rate * ahead, up_rate)
     moved, moving = (
-        arm_m * sum(part[:, None] * axis for part, axis in zip(parts, level, strict=True))
+        arm_m * (np.stack(parts, axis=1)[..., None] * level).sum(axis=1)
         for parts in ((ahead, right, up), turned)
     )
     return moved, moving
