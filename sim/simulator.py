@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from echoscape.scenes.core.scene import Mover, Scene
 from echoscape.scenes.core.surroundings import reached_area, surroundings
-from echoscape.sim.datasets.polar_scan import EPOCH_US, PolarScan, ScanTruth
+from echoscape.sim.datasets.polar_scan import PolarScan, ScanTruth
 from echoscape.sim.echoes import Echoes, Origin
 from echoscape.sim.effects.echo_filter import EchoFilter, Selection, selection
 from echoscape.sim.effects.echo_scaling import scaled_echoes, speckled_grid
@@ -351,7 +351,7 @@ class Simulator:
         )
         return PolarScan(
             codes=codes(output.power),
-            timestamp_us=EPOCH_US + np.rint(state.revolution.times_s * 1e6).astype(np.int64),
+            timestamp_us=sensor.epoch_us + np.rint(state.revolution.times_s * 1e6).astype(np.int64),
             encoder=sensor.encoder,
             valid=np.ones(sensor.azimuths, np.bool_),
             bin_m=sensor.bin_m,
@@ -383,7 +383,7 @@ class Simulator:
             cells=self._labeller.label(incoming.dominant, output, artefacts, rain_w=incoming.rain_w),
             pose=self._track.pose(state.revolution.times_s),
             middle_pose=self._track.pose(np.float64(middle_s)),
-            middle_us=EPOCH_US + round(middle_s * 1e6),
+            middle_us=self.sensor.epoch_us + round(middle_s * 1e6),
             saturated=output.saturated,
             first_obstacle_m=incoming.dominant.echoes.first_obstacle_m,
             boxes=mover_boxes(state.movers, state.poses, self.sensor),

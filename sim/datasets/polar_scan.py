@@ -9,10 +9,6 @@ from numpy.typing import NDArray
 from echoscape.sim.datasets.array_record import ArrayRecord
 from echoscape.sim.datasets.beat_signal import BeatSignal
 
-EPOCH_US = 1_700_000_000_000_000
-"""Time stamp of the start of every simulated drive [us since 1970]."""
-
-
 class Component(IntEnum):
     """Source of most of a cell's power."""
 
@@ -87,7 +83,8 @@ class ScanTruth(ArrayRecord):
         pose: World pose of the car at each azimuth (azimuths, 4): x, y, z [m], yaw [rad].
         middle_pose: World pose of the car at mid-scan (4,).
         middle_us: Mid-scan, the time that odometry refers to [us].
-        saturated: Whether the converter clipped at each azimuth (azimuths,) bool.
+        saturated: Whether the receiver was compressed by 1 dB or more, or clipped, at each azimuth
+            (azimuths,) bool.
         first_obstacle_m: Distance to the first object in the beam that is not ground (azimuths,) float32 [m],
             inf where there is none.
         boxes: Movers near the radar.

@@ -246,7 +246,8 @@ def _sensor_by_first(path: Path, image: NDArray[np.uint8], layout: Layout) -> Se
     rows, columns = image.shape
     for sensor in _CANDIDATES[layout.name]:
         if (sensor.azimuths, sensor.bins) == (rows, columns - HEADER_COLUMNS):
-            return _as_written(sensor, image)
+            named_us = layout.time_us(path.stem) if _is_time(path.stem) else None
+            return _as_written(sensor, image, named_us)
     widths = ", ".join(f"{each.azimuths} x {HEADER_COLUMNS + each.bins}" for each in _CANDIDATES[layout.name])
     raise DatasetError(
         f"{path}: {rows} rows and {columns} columns are not a scan of the layout {layout.name} "
@@ -261,12 +262,16 @@ _CANDIDATES = {
 }
 
 
-def _as_written(sensor: Sensor, image: NDArray[np.uint8]) -> Sensor:
-    """Return a sensor as one image shows it: direction of sweeps, encoder, bins after the radar's update."""
+def _as_written(sensor: Sensor, image: NDArray[np.uint8], named_us: int | None) -> Sensor:
+    """Return a sensor as one image shows it: direction of sweeps, encoder, bins after the radar's update.
+
+    Bins go by the time in the image's name, as in pyboreas, or by that of its first azimuth.
+    """
     mark = image[:, 10] > 0
     if sensor.chirps == "alternating" and mark.all():
         sensor = replace(sensor, chirps="rising")
-    if sensor.name == "cir304" and azimuth_ticks(image)[0] >= UPDATED_US:
+    taken_us = int(azimuth_ticks(image)[0]) if named_us is None else named_us
+    if sensor.name == "cir304" and taken_us > UPDATED_US:
         sensor = replace(sensor, bin_m=UPDATED_BIN_M)
     if sensor.encoder_first != image[0, 8] + 256 * int(image[0, 9]):
         sensor = replace(sensor, encoder_first=int(image[0, 8]) + 256 * int(image[0, 9]))

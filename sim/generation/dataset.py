@@ -140,7 +140,13 @@ def _write_scene(out: Path, config: SimulationConfig, setup: SceneSetup, report:
     if not is_complete_glb(out / "scene.glb"):
         write_atomic(out / "scene.glb", scene_to_glb(setup.scene))
     write_atomic(out / "movers.csv", movers_csv(setup.movers).encode())
-    tracks = tracks_csv(setup.drive.trajectory, setup.movers, times, attitude=config.artefacts.attitude)
+    tracks = tracks_csv(
+        setup.drive.trajectory,
+        setup.movers,
+        times,
+        epoch_us=config.sensor.epoch_us,
+        attitude=config.artefacts.attitude,
+    )
     write_atomic(out / "tracks.csv", tracks.encode())
     report("scene", 1, 1)
 

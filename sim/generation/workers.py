@@ -23,7 +23,7 @@ from echoscape.sim.datasets.files.beat_npz import write_beat
 from echoscape.sim.datasets.files.navtech_png import is_complete_png
 from echoscape.sim.datasets.files.npz import ends_as_archive
 from echoscape.sim.datasets.files.truth_npz import write_truth
-from echoscape.sim.datasets.polar_scan import EPOCH_US, PolarScan
+from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.setup import SceneSetup
 
@@ -172,7 +172,8 @@ class ScanWriter:
             WorkerError: The scan has no truth, or another name than expected.
         """
         layout, times_s = self._config.folder_layout, self._simulator.revolution(index).times_s
-        stem = layout.stem(EPOCH_US + np.rint(times_s * 1e6).astype(np.int64))
+        epoch_us = self._config.sensor.epoch_us
+        stem = layout.stem(epoch_us + np.rint(times_s * 1e6).astype(np.int64))
         if _is_complete(self._out, self._config, stem):
             return None
         scan = self._simulator.scan(index, keep_beat=self._config.keep_beat)

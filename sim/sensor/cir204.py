@@ -16,6 +16,7 @@ CIR204 = replace(
     CTS350X,
     name="cir204",
     azimuths=400,  # [K] 0.9 deg
+    epoch_us=1_560_000_000_000_000,  # June 2019, as [K]; Boreas has such bins until September 2021
     bins=3360,  # [M]
     bin_m=0.0596,  # [K] says 0.06 m and 200 m; 0.0596 is what the loaders of the same radar in Boreas use
     rotation_hz=4.0,  # [K]; [M] 4.005

@@ -40,6 +40,7 @@ CIR304 = replace(
         (2.4, -112.0),
     ),
     mount_height_m=2.2,  # [cal] on a roof rack
+    epoch_us=1_620_000_000_000_000,  # May 2021, while bins were of 0.0596 m [N]
 )
 
 CIR304_RT = replace(
@@ -51,4 +52,5 @@ CIR304_RT = replace(
     compression_dbm=-56.1,  # [cal] to [M] largest code 160
     chirps="alternating",  # [R]; [M] begins with column 10 at 0, which the loaders of [R] take as falling
     fft_size=16384,
+    epoch_us=CTS350X.epoch_us,
 )

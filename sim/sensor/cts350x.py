@@ -98,4 +98,5 @@ CTS350X = Sensor(
     mount_height_m=2.0,  # [cal] on the roof of a compact car
     mount_tilt_deg=0.0,  # [cal]
     blocking_db=((0.0, 0.0), (360.0, 0.0)),  # the roof is free all round
+    epoch_us=1_700_000_000_000_000,  # November 2023; no loader of [O] goes by the date
 )

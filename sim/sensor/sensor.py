@@ -93,6 +93,8 @@ class Sensor:
     """Elevation of the beam's middle above the horizon [deg]."""
     blocking_db: Table
     """Two-way loss by objects on the vehicle, by azimuth clockwise from ahead, 0 to 360 [deg], [dB]."""
+    epoch_us: int
+    """Time stamp of the start of every simulated drive [us since 1970]; loaders of Boreas go by the date."""
 
     def __post_init__(self) -> None:
         """Refuse values that no radar can have, naming the field."""
@@ -273,8 +275,10 @@ _RANGES = {
     "phase_noise_corner_hz": (1, 1e10),
     "mount_height_m": (0.1, 100),
     "mount_tilt_deg": (-89, 89),
+    "epoch_us": (10**15, 4 * 10**15),
 }
-"""Limits of a radar's numbers, beyond which arithmetic or memory fails."""
+"""Limits of a radar's numbers, beyond which arithmetic or memory fails; drives begin from 2001 to 2096, in
+which microseconds and MulRan's nanoseconds are told apart."""
 
 _POSITIVE = (
     "azimuths",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from echoscape.sim.datasets.files.navtech_png import write_png
 from echoscape.sim.datasets.layouts.oxford import OdometryRow, write_odometry
-from echoscape.sim.datasets.polar_scan import EPOCH_US, PolarScan
+from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.sensor.cts350x import CTS350X
 
 AZIMUTHS, BINS, BIN_M = CTS350X.azimuths, CTS350X.bins, CTS350X.bin_m
@@ -53,7 +53,7 @@ def write_folder(folder: Path, poses: list[tuple[float, float, float]], *, seed:
     """Write scans of random points from poses x, y [m], yaw [rad] in Oxford axes, and their odometry."""
     (folder / "radar").mkdir(parents=True)
     (folder / "gt").mkdir()
-    spots, stamps = world(seed), [EPOCH_US + 250_000 * i for i in range(len(poses))]
+    spots, stamps = world(seed), [CTS350X.epoch_us + 250_000 * i for i in range(len(poses))]
     for stamp, pose in zip(stamps, poses, strict=True):
         scan = PolarScan(
             codes=codes_from(spots, pose),

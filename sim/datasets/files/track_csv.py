@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.scene import Mover
 from echoscape.scenes.core.trajectory import Trajectory
 from echoscape.sim.datasets.files.atomic_write import DatasetError, read_text
-from echoscape.sim.datasets.polar_scan import EPOCH_US
 
 MOVER_COLUMNS = "instance,class,prototype,length_m,width_m,height_m"
 _LEVEL_COLUMNS = "timestamp_us,instance,x_m,y_m,z_m,yaw_rad,vx_mps,vy_mps,yaw_rate_rps"
@@ -41,7 +40,12 @@ def movers_csv(movers: Sequence[Mover]) -> str:
 
 
 def tracks_csv(
-    car: Trajectory, movers: Sequence[Mover], times_s: NDArray[np.float64], *, attitude: float = 1.0
+    car: Trajectory,
+    movers: Sequence[Mover],
+    times_s: NDArray[np.float64],
+    *,
+    epoch_us: int,
+    attitude: float = 1.0,
 ) -> str:
     """Format tracks.csv.
 
@@ -49,6 +53,7 @@ def tracks_csv(
         car: Trajectory of the car that carries the radar.
         movers: The movers.
         times_s: Times of the rows (T,) [s].
+        epoch_us: Time stamp of 0 s, `Sensor.epoch_us` [us].
         attitude: Factor on the pitch and roll of the car, as in `sim.settings.artefacts.Artefacts`.
 
     Returns:
@@ -64,7 +69,7 @@ def tracks_csv(
     ]
     lines = [TRACK_COLUMNS]
     for i, time_s in enumerate(times_s):
-        stamp = EPOCH_US + round(float(time_s) * 1e6)
+        stamp = epoch_us + round(float(time_s) * 1e6)
         for instance, state in zip(tracks, states, strict=True):
             x, y, z, yaw, *others = state[i] + 0.0
             rest = ",".join(f"{value:.4f}" for value in others)

@@ -23,7 +23,7 @@ POSES_HEADER = (
 )
 
 UPDATED_US = 1_632_182_400_000_000
-"""Time of the radar's update [us]: bins of 0.0596 m before, of `UPDATED_BIN_M` since (pyboreas)."""
+"""Time of the radar's update [us]: bins of 0.0596 m up to it, of `UPDATED_BIN_M` after it (pyboreas)."""
 UPDATED_BIN_M = 0.04381
 RT_OFFSET_M = -0.31
 """Offset that the guide of Boreas-RT adds to `bin number x bin size` for the range [m]."""

@@ -82,9 +82,29 @@ def test_loose_images_are_recognised_by_their_width_and_their_clock(
     assert found.timestamps_us[0] == START_US + first
 
 
-def test_boreas_before_its_update_has_larger_bins(tmp_path: Path) -> None:
-    put(tmp_path, "boreas", CIR304, 1_606_417_097_000_000)
-    assert open_folder(tmp_path).sensor.bin_m == 0.0596
+@pytest.mark.parametrize(("later_us", "bin_m"), [(-1, 0.0596), (0, 0.0596), (1, 0.04381)])
+def test_bins_of_boreas_go_by_the_time_in_the_name(tmp_path: Path, later_us: int, bin_m: float) -> None:
+    # pyboreas: 0.04381 m where the name is later than 1632182400 s, the night to 21 September 2021.
+    put(tmp_path, "boreas", CIR304, 1_632_182_400_000_000 + later_us - 199 * 625)
+    assert open_folder(tmp_path).sensor.bin_m == bin_m
+
+
+def test_bins_of_an_image_without_a_time_in_its_name_go_by_its_first_azimuth(tmp_path: Path) -> None:
+    for start_us, bin_m in ((1_632_182_400_000_000, 0.0596), (1_632_182_400_000_001, 0.04381)):
+        (tmp_path / "made" / "radar").mkdir(parents=True, exist_ok=True)
+        path = put(tmp_path / "made", "boreas", CIR304, start_us)[0]
+        folder = tmp_path / str(bin_m)
+        folder.mkdir()
+        path.rename(folder / "000001.png")
+        assert open_folder(folder, layout="boreas").sensor.bin_m == bin_m
+
+
+@pytest.mark.parametrize("sensor", [CIR204, CIR304, CIR304_RT], ids=lambda each: each.name)
+def test_simulated_drives_have_dates_at_which_boreas_has_their_bins(tmp_path: Path, sensor: Sensor) -> None:
+    (path,) = put(tmp_path, "boreas", sensor, sensor.epoch_us)
+    resolution_m = 0.04381 if int(path.stem) / 1e6 > 1632182400 else 0.0596  # pyboreas, utils/radar.py
+    assert sensor.bin_m == pytest.approx(resolution_m, rel=5e-4)  # the guide of Boreas-RT has 0.0438
+    assert open_folder(tmp_path).sensor.bin_m == sensor.bin_m
 
 
 def test_wide_images_whose_sweeps_do_not_alternate_are_recognised(tmp_path: Path) -> None:

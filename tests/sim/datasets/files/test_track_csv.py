@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 from echoscape.scenes.core.attitude import Attitude
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.track_csv import TRACK_COLUMNS, read_car_track, tracks_csv
-from echoscape.sim.datasets.polar_scan import EPOCH_US
 from tests.sim.worlds import box_prototype, mover, straight
 
 TIMES_S = np.arange(0.0, 1.0, 0.25)
@@ -24,13 +23,16 @@ TILTED = replace(CAR, attitude=ATTITUDE)
 MOVER = mover(7, box_prototype("box", (4.0, 1.8, 1.5), "metal"), straight([9.0, 0.0], [0.0, 3.0]))
 
 
+EPOCH_US = 1_650_000_000_000_000
+
+
 def rows(text: str, instance: int) -> np.ndarray:
     lines = [line.split(",") for line in text.splitlines()[1:]]
     return np.array([[float(word) for word in words] for words in lines if words[1] == str(instance)])
 
 
 def test_car_has_its_attitude_and_movers_are_level() -> None:
-    text = tracks_csv(TILTED, [MOVER], TIMES_S)
+    text = tracks_csv(TILTED, [MOVER], TIMES_S, epoch_us=EPOCH_US)
     assert text.splitlines()[0] == TRACK_COLUMNS
     assert TRACK_COLUMNS.split(",")[9:] == ["pitch_rad", "roll_rad"]
     car = rows(text, 0)
@@ -41,13 +43,15 @@ def test_car_has_its_attitude_and_movers_are_level() -> None:
 
 
 def test_strength_scales_the_attitude_alone() -> None:
-    whole, half = (rows(tracks_csv(TILTED, [], TIMES_S, attitude=share), 0) for share in (1.0, 0.5))
+    whole, half = (
+        rows(tracks_csv(TILTED, [], TIMES_S, epoch_us=EPOCH_US, attitude=share), 0) for share in (1.0, 0.5)
+    )
     assert_allclose(half[:, 10], 0.01)
     assert_allclose(half[:, :9], whole[:, :9])
 
 
 def test_velocity_is_read_from_tables_with_and_without_attitude(tmp_path: Path) -> None:
-    text = tracks_csv(TILTED, [MOVER], TIMES_S)
+    text = tracks_csv(TILTED, [MOVER], TIMES_S, epoch_us=EPOCH_US)
     older = "\n".join(",".join(line.split(",")[:9]) for line in text.splitlines()) + "\n"
     (tmp_path / "new.csv").write_text(text)
     (tmp_path / "old.csv").write_text(older)
