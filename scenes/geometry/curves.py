@@ -205,8 +205,12 @@ def _quintics(
         6 * rest - 3 * slope + hump / 2,
     )
     time = np.linspace(0.0, 1.0, samples)[:, None]
-    terms = ((first[:, 0], 1), (second[:, 0] / 2, 2), (cubic, 3), (quartic, 4), (fifth, 5))
-    return start + sum(factor[:, None, :] * time**power for factor, power in terms)
+    lines = fifth[:, None, :] * time
+    for factor in (quartic, cubic, second[:, 0] / 2, first[:, 0]):  # Horner's scheme
+        lines += factor[:, None, :]
+        lines *= time
+    lines += start
+    return lines
 
 
 def _peak_curvature(lines: NDArray[np.float64]) -> NDArray[np.float64]:

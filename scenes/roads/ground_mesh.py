@@ -28,6 +28,8 @@ _STRIP_POINTS = 6
 
 KERB_WIDTH_M = 0.14
 _CORNER_M = 5.0
+_CHORD_M = 0.005
+"""Greatest deviation of the chords of a centre line from it [m]."""
 _BACK_GARDENS_M = 40.0
 """Width of the land behind the outermost streets, of those that are not driven [m]."""
 _SKIN_M = 0.02
@@ -68,20 +70,22 @@ def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margi
     Returns:
         The plan.
     """
-    middles = [LineString(street.line) for street in network.streets]
+    middles = [_middle(street.line) for street in network.streets]
     swept = [
-        LineString(
+        _middle(
             section(street.line, _end_m(network, street.start), street.length_m - _end_m(network, street.end))
         ).buffer(street.type.half_width_m, cap_style="flat")
         for street in network.streets
     ]
     turns = [
-        LineString(lane.centre[:: max(len(lane.centre) // 40, 1)]).buffer(lane.width_m / 2 + 0.4)
+        LineString(lane.centre[:: max(len(lane.centre) // 24, 1)]).buffer(lane.width_m / 2 + 0.4, quad_segs=4)
         for lane in roads.lanes
         if lane.kind != "street"
     ]
+    outer = [_middle(street.line) for street in network.outskirts]
     beyond = [
-        LineString(street.line).buffer(street.type.half_width_m, quad_segs=6) for street in network.outskirts
+        middle.buffer(street.type.half_width_m, quad_segs=6)
+        for middle, street in zip(outer, network.outskirts, strict=True)
     ]
     carriageway = _rounded(shapely.union_all(swept + turns + beyond), _CORNER_M)
     paved = [
@@ -90,8 +94,8 @@ def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margi
     ]
     driven = _filled(shapely.union_all([*paved, *turns]))
     paved += [
-        LineString(street.line).buffer(street.type.half_width_m + street.type.pavement_m)
-        for street in network.outskirts
+        middle.buffer(street.type.half_width_m + street.type.pavement_m)
+        for middle, street in zip(outer, network.outskirts, strict=True)
     ]
     narrowest = min(street.type.pavement_m for street in network.streets)
     corridor = _rounded(shapely.union_all([*paved, carriageway.buffer(narrowest)]), 3.0)
@@ -105,6 +109,11 @@ def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margi
         driven=driven,
         outskirts=tuple(polygons(carriageway.difference(driven))) if beyond else (),
     )
+
+
+def _middle(line: NDArray[np.float64]) -> LineString:
+    """Return a centre line with no more points than its bends need."""
+    return LineString(line).simplify(_CHORD_M)
 
 
 def _filled(shape: BaseGeometry) -> BaseGeometry:
@@ -276,9 +285,11 @@ def footpath_lines(ground: Ground, *, inside_m: float = 1.48) -> tuple[NDArray[n
     if ground.corridor.area - ground.carriageway.area < 1000.0:
         return ()
     lines = []
+    corridor = ground.corridor.buffer(0.01)
+    shapely.prepare(corridor)
     for rim in boundaries(ground.carriageway.buffer(inside_m).simplify(0.05)):
         ring = LinearRing(rim)
-        if ring.length > 90.0 and ground.corridor.buffer(0.01).contains(ring):
+        if ring.length > 90.0 and corridor.contains(ring):
             lines.append(np.asarray(ring.segmentize(2.0).coords)[::1, :2])
     return tuple(lines)
 

@@ -305,8 +305,8 @@ def _network(plan: _StreetPlan, settings: SubdivisionSettings, rng: np.random.Ge
     streets = []
     for (a, b), street in sorted(plan.edges.items()):
         dead = len(plan.neighbours(b)) == 1 or len(plan.neighbours(a)) == 1
-        # Other streets meet the outer ring anywhere, so that it does not bow.
-        bow = 0.0 if dead or street == 0 else float(rng.uniform(-1, 1)) * settings.bow
+        bow = 0.0 if dead else float(rng.uniform(-1, 1)) * settings.bow
+        bow *= street != 0  # streets of the outskirts meet the ring anywhere on its straight line
         line = chart_street(plan.chart, plan.nodes[a], plan.nodes[b], bow=bow)
         streets.append(Street(start=number[a], end=number[b], line=line, type=types[street]))
     junctions = plan.chart(np.array([plan.nodes[n] for n in used]))

@@ -101,7 +101,7 @@ def _streets(
     lay_ground(builder, ground, settings)
     dress_streets(builder, occupied, network, trims, ground, settings, seeds=_stage(seed, 2))
     if settings.uses:
-        fill_blocks(builder, occupied, ground, network, settings, seeds=_stage(seed, 1))
+        fill_blocks(builder, occupied, ground, network, pool, settings, seeds=_stage(seed, 1))
         fill_outskirts(builder, occupied, ground, network, pool, settings, seeds=_stage(seed, 5))
     if settings.layout == "country":
         dress_country_roads(builder, occupied, network, ground, rng=np.random.default_rng(_stage(seed, 3)))

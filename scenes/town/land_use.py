@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from echoscape.scenes.geometry.curves import Line, points_at
 from echoscape.scenes.roads.ground_mesh import Ground, polygons
 from echoscape.scenes.roads.street_network import Network
+from echoscape.scenes.town.building_pool import BuildingPool
 from echoscape.scenes.town.gardens import enclose_front, enclose_gardens, plant_garden
 from echoscape.scenes.town.open_spaces import lay_car_park, lay_park, lay_square, lay_yard
 from echoscape.scenes.town.parcels import CityBlock, build_along, frontages
@@ -25,6 +26,7 @@ def fill_blocks(
     occupied: OccupiedArea,
     ground: Ground,
     network: Network,
+    pool: BuildingPool,
     preset: Preset,
     *,
     seeds: np.random.SeedSequence,
@@ -36,6 +38,7 @@ def fill_blocks(
         occupied: Occupied ground, which is extended.
         ground: Plan of the ground.
         network: The streets.
+        pool: Designs of buildings.
         preset: The preset.
         seeds: Seeds of this stage.
 
@@ -59,7 +62,7 @@ def fill_blocks(
             block = CityBlock(
                 outline=blocks[number], occupied=occupied, base_m=preset.kerb_height_m, inradius_m=reach
             )
-            _fill(builder, block, uses[number], ground, avenues, preset, rng)
+            _fill(builder, block, uses[number], ground, avenues, pool, preset, rng)
     return uses
 
 
@@ -106,6 +109,7 @@ def _fill(
     use: Use,
     ground: Ground,
     avenues: BaseGeometry,
+    pool: BuildingPool,
     preset: Preset,
     rng: np.random.Generator,
 ) -> None:
@@ -119,7 +123,7 @@ def _fill(
     elif use == "yard":
         lay_yard(builder, block, rng=rng)
     else:
-        _build_up(builder, block, use, ground, avenues, rng)
+        _build_up(builder, block, use, ground, avenues, pool, rng)
 
 
 def _build_up(
@@ -128,6 +132,7 @@ def _build_up(
     use: Use,
     ground: Ground,
     avenues: BaseGeometry,
+    pool: BuildingPool,
     rng: np.random.Generator,
 ) -> None:
     """Add buildings along the sides of a block, their gardens, and the open space inside."""
@@ -135,7 +140,8 @@ def _build_up(
     kinds = [_side_use(side, use, avenues) for side in sides]
     gardens: list[tuple[Polygon, str]] = []
     for side, kind in zip(sides, kinds, strict=True):
-        gardens += [(g, kind) for g in build_along(builder, side, PARCEL_RULES[kind], block, rng=rng)]
+        behind = build_along(builder, side, PARCEL_RULES[kind], pool.designs[kind], block, rng=rng)
+        gardens += [(garden, kind) for garden in behind]
     for side, kind in zip(sides, kinds, strict=True):
         enclose_front(builder, side, PARCEL_RULES[kind], block, rng=rng)
     for kind in dict.fromkeys(kinds):

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from echoscape.scenes.assets.buildings.building import building
 from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.geometry.curves import Line, arc_length, left_normals, points_at, resampled
+from echoscape.scenes.town.building_pool import Designs
 from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
 from echoscape.scenes.town.presets import ParcelRule
+
+_NEXT = np.array([1, 2, 3, 0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +64,13 @@ def frontages(block: Polygon, streets: BaseGeometry) -> list[Line]:
 
 
 def build_along(
-    builder: SceneBuilder, side: Line, rule: ParcelRule, block: CityBlock, *, rng: np.random.Generator
+    builder: SceneBuilder,
+    side: Line,
+    rule: ParcelRule,
+    designs: Designs,
+    block: CityBlock,
+    *,
+    rng: np.random.Generator,
 ) -> list[Polygon]:
     """Add buildings along one side of a block.
 
@@ -70,13 +78,16 @@ def build_along(
         builder: The scene.
         side: The side (P, 2) [m].
         rule: How its buildings are laid out.
+        designs: Designs of its buildings.
         block: The city block.
         rng: Random generator.
 
     Returns:
         The gardens behind the buildings.
     """
-    length = arc_length(side)[-1]
+    along, normals = arc_length(side), left_normals(side)
+    length = along[-1]
+    shapely.prepare(block.outline)
     place, left_in_row, gardens = 0.0, 0, []
     setback = depth = height = 0.0
     while place < length - 0.7 * rule.width_m[0]:
@@ -84,9 +95,15 @@ def build_along(
             left_in_row = int(rng.integers(1, rule.max_row + 1))
             setback, depth, height = (rng.uniform(*r) for r in (rule.setback_m, rule.depth_m, rule.height_m))
         width = min(rng.uniform(*rule.width_m), length - place)
-        footprint = _footprint(side, place, width, setback, depth, rng.uniform(*rule.side_gap_m))
+        gap = rng.uniform(*rule.side_gap_m)
+        ends = np.array([place + gap, place + width - gap])
+        front, normal = (
+            np.stack([np.interp(ends, along, line[:, axis]) for axis in (0, 1)], axis=-1)
+            for line in (side, normals)
+        )
+        footprint = _footprint(front, normal, setback, depth)
         if _fits(footprint, block):
-            _build(builder, footprint, height, rule, block, rng)
+            _build(builder, footprint, height, rule, designs, block, rng)
             gardens += _garden(footprint, side, place, width, block)
             place += width
             left_in_row -= 1
@@ -98,25 +115,19 @@ def build_along(
 
 
 def _footprint(
-    side: Line, place: float, width: float, setback: float, depth: float, aside: float
+    front: NDArray[np.float64], normal: NDArray[np.float64], setback: float, depth: float
 ) -> NDArray[np.float64]:
-    """Return the footprint (4, 2), counter-clockwise, front edge first."""
-    ends = np.array([place + aside, place + width - aside])
-    normals = left_normals(side)
-    along = arc_length(side)
-    front = points_at(side, ends)
-    normal = np.stack([np.interp(ends, along, normals[:, axis]) for axis in range(2)], axis=-1)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    """Return the footprint (4, 2), counter-clockwise, front edge first, behind two points of the pavement."""
+    normal = normal / np.sqrt((normal**2).sum(axis=1, keepdims=True))
     return np.concatenate([front + setback * normal, (front + (setback + depth) * normal)[::-1]])
 
 
 def _fits(footprint: NDArray[np.float64], block: CityBlock) -> bool:
     """Return whether a footprint has a sound shape and lies inside its block on free ground."""
-    step = np.roll(footprint, -1, axis=0) - footprint
-    after = np.roll(step, -1, axis=0)
-    turn = step[:, 0] * after[:, 1] - step[:, 1] * after[:, 0]
-    sharp = turn < 0.5 * np.linalg.norm(step, axis=1) * np.linalg.norm(after, axis=1)
-    if sharp.any() or np.linalg.norm(step, axis=1).min() < 3.0:
+    step = footprint[_NEXT] - footprint
+    length = np.hypot(step[:, 0], step[:, 1])
+    turn = step[:, 0] * step[_NEXT, 1] - step[:, 1] * step[_NEXT, 0]
+    if (turn < 0.5 * length * length[_NEXT]).any() or length.min() < 3.0:
         return False
     shape = Polygon(footprint)
     return block.outline.contains(shape) and block.occupied.is_free(shape.buffer(-0.1))
@@ -127,16 +138,14 @@ def _build(
     footprint: NDArray[np.float64],
     height: float,
     rule: ParcelRule,
+    designs: Designs,
     block: CityBlock,
     rng: np.random.Generator,
 ) -> None:
     """Add a building on a footprint."""
     detached = rule.side_gap_m[1] > 0
     high = height if not detached else height + float(rng.uniform(-0.4, 0.4))
-    # The backs of rows are invisible from the road.
-    facades = None if detached else [True, False, False, False]
-    made = building(footprint, height_m=high, style=rule.style, rng=rng, facades=facades)
-    builder.add("building", made)
+    builder.add("building", designs.fitted(footprint, height_m=high, rng=rng))
     block.occupied.add(Polygon(footprint))
 
 
