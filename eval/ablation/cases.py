@@ -106,7 +106,7 @@ CASES = (
         name="saturation",
         view="polar",
         span_m=163.0,
-        text="harmonics at multiples of a strong echo's range, a lower floor where clipping is strongest",
+        text="strong echoes end at a ceiling; where many are in one azimuth they intermodulate to a spoke",
     ),
     ArtefactCase(
         name="phase_noise",

@@ -16,7 +16,7 @@ function drawFacts() {
     ["", `y ${motion === null ? "–" : signed(motion[1], 3, "m")}`],
     ["", `yaw ${motion === null ? "–" : signed(motion[2] / CIRCLE * 360, 2, "°")}`],
     ["position", pose === null ? "–" : `${pose[0].toFixed(1)}, ${pose[1].toFixed(1)} m`],
-    ...(data.has_truth ? [["clipped azimuths", `${clipped.length} of ${azimuths}`]] : []),
+    ...(data.has_truth ? [["saturated azimuths", `${clipped.length} of ${azimuths}`]] : []),
   ];
   $("facts").innerHTML = rows
     .map(([name, value]) => `<dt>${name}</dt><dd>${value}</dd>`).join("");
@@ -49,7 +49,7 @@ function cellText(range, azimuth) {
     if (g) words.push(className(g));
     if (r >> 4) words.push(`${r >> 4} bounce${r >> 4 > 1 ? "s" : ""}`);
     if (b) words.push("moving");
-    if (state.clipped && scan().clipped.includes(index)) words.push("azimuth clipped");
+    if (state.clipped && scan().clipped.includes(index)) words.push("azimuth saturated");
   }
   return words.join(" · ");
 }
