@@ -76,6 +76,14 @@ def test_echo_at_the_range_of_a_surface_in_another_direction_is_displaced(
         assert one([list(mirror), list(at)], same_path=True) == (abs(turn) > ALLOWED.azimuth_rad)
 
 
+@given(st.floats(3, 8), st.floats(0.0, 0.034))
+def test_loop_is_shown_half_way_between_the_directions_of_its_legs(range_m: float, aside: float) -> None:
+    # Two points at one range, to the left and to the right: half the loop is longer by less than two cells.
+    there, back = ([range_m * math.cos(turn), range_m * math.sin(turn), 0.0] for turn in (aside, -aside))
+    if abs(aside - ALLOWED.azimuth_rad) > 1e-6:
+        assert one([there, back], same_path=False) == (aside > ALLOWED.azimuth_rad)
+
+
 def test_tolerance_is_two_range_cells_and_a_beam_width() -> None:
     # c / 2B and the width at -3 dB of the two-way pattern, that of the table widened by rotation.
     allowed = tolerance(CTS350X, Antenna(CTS350X))
