@@ -95,6 +95,7 @@ MATERIAL_COLOURS = {
     "metal": "#8d98a8",
     "rubber": "#22252b",
     "person": "#e0b090",
+    "fittings": "#6f7a84",
 }
 """Colours of surfaces on a plan, by material."""
 GROUND_COLOUR = "#1b2420"

@@ -5,7 +5,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from echoscape.scenes.core.scene import Mesh, Prototype
-from echoscape.scenes.geometry.primitives import circle, ellipsoid, loft, merge, moved, prototype, tube
+from echoscape.scenes.geometry.primitives import (
+    circle,
+    ellipsoid,
+    loft,
+    merge,
+    moved,
+    prototype,
+    ring_normals,
+    tube,
+)
 
 Point = tuple[float, float, float]
 
@@ -63,7 +72,7 @@ def _torso(hips: Point, shoulders: Point, size: float = 1.0) -> Mesh:
     ):
         ring = circle(size, 8) * [deep, wide]
         rings.append(low + share * (high - low) + ring[:, :1] * forward + ring[:, 1:] * [0.0, 1.0, 0.0])
-    return loft(np.stack(rings))
+    return loft(np.stack(rings), normals=ring_normals(np.stack(rings)))
 
 
 def _walker(*, stride_m: float, size: float) -> Mesh:
@@ -119,7 +128,10 @@ def _rider(*, lean_m: float) -> Mesh:
 
 
 def _bicycle() -> dict[str, Mesh]:
-    """Make tyres of rubber, and rims, spokes and frame of metal; the wheels have a diameter of 0.68 m."""
+    """Make tyres of rubber, rims, spokes and frame of metal, and fittings; the wheels measure 0.68 m.
+
+    Fittings are hubs, chain, lamps, a wire basket in front and a loaded carrier behind.
+    """
     radius, front, back = 0.34, 0.52, -0.52
     tyres = [moved(_ring(radius - 0.02, 0.02), (x, 0, radius)) for x in (front, back)]
     rims = [moved(_ring(radius - 0.05, 0.012), (x, 0, radius)) for x in (front, back)]
@@ -137,7 +149,17 @@ def _bicycle() -> dict[str, Mesh]:
     ]  # fmt: skip
     frame = [tube(a, b, 0.017, sides=6) for a, b in bars]
     seat = ellipsoid((0.13, 0.07, 0.03), (-0.2, 0, 0.91), sides=6, rows=4)
-    return {"rubber": merge([*tyres, seat]), "metal": merge([*rims, *spokes, *frame])}
+    hubs = [ellipsoid((0.05, 0.06, 0.05), (x, 0, radius)) for x in (front, back)]
+    chain = ellipsoid((0.1, 0.02, 0.1), crank)
+    lamps = [ellipsoid((0.04, 0.04, 0.04), place) for place in ((0.45, 0, 0.8), (-0.55, 0, 0.72))]
+    basket = tube((0.5, 0, 0.78), (0.5, 0, 1.03), 0.13, 0.18, sides=8)
+    carrier = ellipsoid((0.2, 0.19, 0.14), (-0.5, 0, 0.68))
+    fittings = merge([*hubs, chain, *lamps, basket, carrier])
+    return {
+        "rubber": merge([*tyres, seat]),
+        "metal": merge([*rims, *spokes, *frame]),
+        "fittings": fittings,
+    }
 
 
 def _ring(radius_m: float, thickness_m: float, *, sides: int = 12) -> Mesh:

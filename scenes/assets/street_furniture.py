@@ -19,6 +19,7 @@ from echoscape.scenes.geometry.primitives import (
     moved,
     prism,
     prototype,
+    smoothed,
     tube,
 )
 
@@ -147,7 +148,8 @@ def _bus_shelter() -> dict[str, Mesh]:
     centres = np.linspace(-y, y, 4)[:-1] + length / 6
     panes = [box((0.012, length / 3 - 0.12, 1.76), (back, place, 1.2)) for place in centres]
     panes += [box((1.02, 0.012, 1.76), (-0.22, side * y, 1.2)) for side in (-1, 1)]
-    return {"metal": merge([*posts, *rails, loft(rings), *bench]), "glass": merge(panes)}
+    roof = smoothed(loft(rings), crease_rad=np.radians(40.0))
+    return {"metal": merge([*posts, *rails, roof, *bench]), "glass": merge(panes)}
 
 
 def _round_bin() -> Mesh:
@@ -186,6 +188,7 @@ def _guard_rail(length_m: float) -> Mesh:
             (-0.083, 0.67), (-0.083, 0.7), (-0.02, 0.74), (0.0, 0.76)]  # fmt: skip
     outline = np.array(wave + [(y + 0.004, z) for y, z in wave[::-1]])
     beam = prism(outline[::-1], bottom_m=-0.5 * length_m, top_m=0.5 * length_m)
+    beam = smoothed(beam, crease_rad=np.radians(65.0))
     places = np.arange(-0.5 * length_m + 1.0, 0.5 * length_m, 2.0)
     posts = [box((0.06, 0.1, 0.72), (x, 0.16, 0.36)) for x in places]
     blocks = [box((0.1, 0.12, 0.2), (x, 0.06, 0.6)) for x in places]

@@ -6,13 +6,23 @@ radar.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.scene import Mesh
-from echoscape.scenes.geometry.primitives import box, circle, loft, loft_quads, merge, mesh, mirrored, moved
+from echoscape.scenes.geometry.primitives import (
+    box,
+    circle,
+    loft,
+    loft_quads,
+    merge,
+    mesh,
+    mirrored,
+    moved,
+    smoothed,
+)
 
 Line = tuple[tuple[float, float], ...]
 """Knots (distance from the front [m], value) of a piecewise linear profile along a vehicle."""
@@ -20,6 +30,10 @@ Line = tuple[tuple[float, float], ...]
 _SIDE_SEGMENTS = (4, 8)  # belt to rail, left and right
 _TOP_SEGMENTS = (5, 6, 7)  # rail to crown, crown to crown, crown to rail
 _MIN_STATION_M = 0.055
+_CREASE_RAD = np.radians(50.0)
+"""Faces that meet at less are one curved surface: panels and bumpers; edges of wheel arches stay sharp."""
+_FASCIA_M = 0.07
+"""Reach of the bumper fascias from both ends [m]: plastic over lamps, grilles and beams."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,20 +76,31 @@ def hull_parts(hull: Hull) -> dict[str, Mesh]:
         hull: Its lines.
 
     Returns:
-        Meshes of metal and glass by name of the material; x forward, front bumper at x = length / 2.
+        Meshes of metal, glass and fittings (bumper fascias) by name of the material; x forward, front bumper
+        at x = length / 2.
     """
     station = _stations(hull)
     rings = _rings(hull, station)
     count, size = rings.shape[:2]
     corners = loft_quads(count, size)
     glass = _is_glass(hull, station, size)
+    fascia = _is_fascia(hull, station, size) & ~glass
     points = rings.reshape(-1, 3)
     ends = [_bowed_cap(rings[0][::-1], -0.03), _bowed_cap(rings[-1], 0.03)]
-    skin = [mesh(points, _split(corners[~glass]))]
-    parts = {"metal": merge(skin + ends)}
-    if glass.any():
-        parts["glass"] = mesh(points, _split(corners[glass]))
-    return parts
+    parts = {
+        "metal": mesh(points, _split(corners[~glass & ~fascia])),
+        "fittings": merge([mesh(points, _split(corners[fascia])), *ends]),
+        "glass": mesh(points, _split(corners[glass])),
+    }
+    return _smoothed_together(parts)
+
+
+def _smoothed_together(parts: dict[str, Mesh]) -> dict[str, Mesh]:
+    """Give parts the normals of the one curved surface that they make up; leave out those without faces."""
+    whole = smoothed(merge(parts.values()), crease_rad=_CREASE_RAD)
+    ends = np.cumsum([len(part.faces) for part in parts.values()])[:-1]
+    normals = dict(zip(parts, np.split(whole.normals, ends), strict=True))
+    return {name: replace(part, normals=normals[name]) for name, part in parts.items() if len(part.faces)}
 
 
 def _stations(hull: Hull) -> NDArray[np.float64]:
@@ -146,6 +171,12 @@ def _is_glass(hull: Hull, station: NDArray[np.float64], size: int) -> NDArray[np
     return glass.ravel()
 
 
+def _is_fascia(hull: Hull, station: NDArray[np.float64], size: int) -> NDArray[np.bool_]:
+    """Return which quads between the cross-sections belong to the bumper fascias ((K - 1) * size,)."""
+    middle = 0.5 * (station[1:] + station[:-1])
+    return np.repeat(np.minimum(middle, hull.length_m - middle) < _FASCIA_M, size)
+
+
 def _split(corners: NDArray[np.int64]) -> NDArray[np.int64]:
     """Split quads (Q, 4) into triangles (2 Q, 3)."""
     return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
@@ -196,7 +227,9 @@ def _wheel(radius_m: float, width_m: float, sides: int = 10) -> tuple[Mesh, Mesh
     rim = np.arange(sides)
     dish = np.stack([np.full(sides, sides), rim, (rim + 1) % sides], axis=1)
     closed = mesh(profile[0], [[0, i + 1, i] for i in range(1, sides - 1)])
-    return merge([loft(profile, caps=False), closed]), mesh(np.concatenate([edge, [[0.0, -0.04, 0.0]]]), dish)
+    tyre = merge([loft(profile, caps=False), closed])
+    disc = mesh(np.concatenate([edge, [[0.0, -0.04, 0.0]]]), dish)
+    return smoothed(tyre, crease_rad=_CREASE_RAD), smoothed(disc, crease_rad=_CREASE_RAD)
 
 
 def _in_wheel_plane(ring: NDArray[np.float64], radius_m: float, y_m: float) -> NDArray[np.float64]:

@@ -11,9 +11,12 @@ import numpy as np
 from echoscape.scenes.assets.people import cyclist_prototypes, pedestrian_prototypes
 from echoscape.scenes.assets.vehicle_bodies import Hull, bevelled_box, hull_parts, mirrors, wheels
 from echoscape.scenes.core.scene import Mesh, Prototype
-from echoscape.scenes.geometry.primitives import box, merge, moved, prototype, quads, tube
+from echoscape.scenes.geometry.primitives import box, merge, mesh, moved, prototype, tube
 
 Parts = dict[str, Mesh]
+_PLATE_BEND_RAD = 0.06
+"""Slope of a number plate at its edges [rad]; calibrated."""
+_CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 def vehicle_prototypes() -> tuple[Prototype, ...]:
@@ -112,11 +115,14 @@ def _car(
 
 
 def _plates(x_m: float, z_m: float) -> Mesh:
-    """Make number plates (0.52 m by 0.11 m) in front of the bumpers at x = +-`x_m`."""
+    """Make number plates (0.52 m by 0.11 m) at x = +-`x_m`, embossed and bent by some degrees in mounting."""
     y, z = 0.26, 0.055
-    front = [(x_m, -y, z_m - z), (x_m, y, z_m - z), (x_m, y, z_m + z), (x_m, -y, z_m + z)]
-    back = [(-x_m, -py, pz) for _, py, pz in front]
-    return quads([front, back])
+    front = np.array([(x_m, -y, z_m - z), (x_m, y, z_m - z), (x_m, y, z_m + z), (x_m, -y, z_m + z)])
+    bent = np.array([(1.0, a * _PLATE_BEND_RAD, b * _PLATE_BEND_RAD) for a, b in _CORNERS])
+    bent /= np.linalg.norm(bent, axis=1, keepdims=True)
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    ahead = mesh(front, faces, bent[faces])
+    return merge([ahead, moved(ahead, yaw_rad=np.pi)])
 
 
 def van_prototypes() -> tuple[Prototype, ...]:

@@ -240,18 +240,34 @@ MATERIALS: dict[str, Material] = {
         ),
         Material(
             name="person",
-            a=7.074,
+            a=3.66,
             b=0.0,
-            c=0.0055,
-            d=0.9262,
-            band_ghz=(1.0, 60.0),
+            c=0.0044,
+            d=1.3515,
+            band_ghz=(50.0, 100.0),
             source=_P3,
             rms_height_m=0.002,
             scattering=0.8,
             rms_slope_rad=0.2,
             roughness_source=(
-                "clothed skin: no ITU values; marble has the nearest permittivity; "
-                "used beyond its band; calibrated"
+                "clothed skin: no ITU values; floorboard reflects as much as an adult of -8 dBsm does; "
+                "calibrated"
+            ),
+        ),
+        Material(
+            name="fittings",
+            a=1.0,
+            b=0.0,
+            c=10000000.0,
+            d=0.0,
+            band_ghz=(1.0, 100.0),
+            source=_P3,
+            rms_height_m=0.0002,
+            scattering=0.6,
+            rms_slope_rad=0.2,
+            roughness_source=(
+                "metal parts in many directions: lamps, grilles, what lies behind plastic bumpers, wirework; "
+                "calibrated to cross-sections of vehicles"
             ),
         ),
     )

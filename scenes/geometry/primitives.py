@@ -5,6 +5,7 @@ Round solids carry the normals of the surface that their facets stand for.
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,7 +75,7 @@ def smoothed(part: Mesh, *, crease_rad: float) -> Mesh:
     total = total.reshape(-1, 3, 3)
     flat = np.abs(total - normal[:, None]).max(axis=(1, 2)) < _FLAT
     total[flat] = 0.0
-    return Mesh(vertices=part.vertices, faces=part.faces, normals=total.astype(np.float32))
+    return replace(part, normals=total.astype(np.float32))
 
 
 def _pairs(place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
