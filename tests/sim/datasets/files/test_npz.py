@@ -1,6 +1,7 @@
 """Archives of arrays: NumPy opens them, equal arrays give equal bytes, damaged files are refused by name."""
 
 import io
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,24 @@ def test_numpy_opens_an_archive_with_the_same_arrays_in_their_order(level: int) 
             assert archive[name].dtype == array.dtype
             assert archive[name].shape == array.shape
             assert np.array_equal(archive[name], array)
+
+
+def test_archive_is_a_valid_zip_file_dated_1980() -> None:
+    with zipfile.ZipFile(io.BytesIO(archive_bytes(ARRAYS, level=1))) as archive:
+        assert archive.testzip() is None
+        assert [entry.filename for entry in archive.infolist()] == [f"{name}.npy" for name in ARRAYS]
+        for entry in archive.infolist():
+            assert entry.date_time == (1980, 1, 1, 0, 0, 0)
+            assert entry.compress_type == zipfile.ZIP_DEFLATED
+            assert entry.compress_size > 0
+
+
+def test_runs_of_bytes_are_packed_smaller_than_by_a_search_for_repetitions() -> None:
+    labels = np.repeat(np.random.default_rng(2).integers(0, 7, 20_000, np.uint8), 20)
+    searched = io.BytesIO()
+    with zipfile.ZipFile(searched, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("labels.npy", labels.tobytes())
+    assert len(archive_bytes({"labels": labels}, level=1)) < 0.9 * len(searched.getvalue())
 
 
 def test_equal_arrays_give_equal_bytes_whatever_their_order_in_memory() -> None:
