@@ -17,7 +17,7 @@ from echoscape.sim.sensor.registry import SENSORS
 from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.sim.settings.tracing import TraceSettings
 from echoscape.sim.simulator import Simulator
-from tests.sim.worlds import standing, world
+from tests.sim.worlds import standing, straight, world
 
 RANGE_M = 60.0
 BEARINGS_DEG = (-0.2, 37.3, 143.0, 271.6)
@@ -102,3 +102,47 @@ def test_corner_reflectors_lie_at_their_bearings_by_the_encoder(
     for bearing in BEARINGS_DEG:
         found = bearing_deg(azimuth_rad, power, scan.bin_m, bearing)
         assert found == pytest.approx(bearing, abs=0.1), bearing
+
+
+SPEED_MPS = 20.0
+PLACES = [(35.0, 8.0), (28.0, -12.0), (12.0, 22.0), (9.0, -27.0), (-14.0, 18.0), (-20.0, -21.0), (-31.0, 6.0)]
+"""Points that stand: forward, right [m] of the car at the start."""
+
+
+def sideways_m(path: Path, bin_m: float, start_us: int) -> NDArray[np.float64]:
+    """How far right of the car's straight path a loader sees each of PLACES [m]."""
+    image = np.asarray(Image.open(path))
+    times_s = (image[:, :8].copy().view("<i8")[:, 0] - start_us) / 1e6
+    azimuth_rad, power = read_as_loaders_do(path)
+    ranges_m = (np.arange(power.shape[1]) + 0.5) * bin_m
+    found = []
+    for forward, right in PLACES:
+        ahead = forward - SPEED_MPS * times_s
+        aside = np.arctan2(right, ahead) - azimuth_rad
+        rows = np.abs(np.remainder(aside + math.pi, 2 * math.pi) - math.pi) < math.radians(2.5)
+        near = power * (np.abs(ranges_m - np.hypot(right, ahead)[:, None]) < 0.7) * rows[:, None]
+        place = ranges_m * np.sin(azimuth_rad)[:, None]
+        found.append((near * place).sum() / near.sum())
+    return np.array(found)
+
+
+def test_a_car_that_drives_straight_has_no_sideways_motion_by_the_encoder(tmp_path: Path) -> None:
+    sensor = SENSORS["cts350x"]
+    points = [Target(kind="point", position_m=(x, -y, sensor.mount_height_m)) for x, y in PLACES]
+    drive = straight([0.0, 0.0], [SPEED_MPS, 0.0])
+    simulator = Simulator(
+        with_targets(world(), points),
+        drive,
+        seed=2,
+        sensor=sensor,
+        settings=TraceSettings(rays=16, max_bounces=1),
+        artefacts=Artefacts(doppler=0.0),
+    )
+    seen = []
+    for index in (0, 1):
+        path = tmp_path / f"{index}.png"
+        LAYOUTS["oxford"].write_scan(path, simulator.scan(index))
+        seen.append(sideways_m(path, sensor.bin_m, sensor.epoch_us))
+    # Azimuths that were 0.84 deg off would turn the 5 m of the motion, by 0.073 m to the side.
+    assert (seen[0] - seen[1]).mean() == pytest.approx(0.0, abs=0.015)
+    np.testing.assert_allclose(seen[0], [right for _, right in PLACES], atol=0.1)

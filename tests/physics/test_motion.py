@@ -71,7 +71,9 @@ def compensated(seen: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points (R, 2) [m] in the frame of mid-scan, by the speed of the car."""
     twist = np.array([SPEED, 0.0, 0.0])
     beta_s = STEADY.doppler_beta_s
-    return to_mid_scan(seen, twist, revolution_s=1 / STEADY.rotation_hz, seam_rad=0.0, doppler_beta_s=beta_s)
+    return to_mid_scan(
+        seen, twist, revolution_s=1 / STEADY.rotation_hz, seam_rad=STEADY.seam_rad, doppler_beta_s=beta_s
+    )
 
 
 def off_line(places: NDArray[np.float64]) -> float:

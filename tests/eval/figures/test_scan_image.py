@@ -1,5 +1,6 @@
 """A scan in grey from above: forward up, right right, true to scale."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,8 +27,10 @@ def test_a_point_lies_where_its_azimuth_looks(azimuth: int, right: int, up: int)
     assert image.shape == (2 * round(162.7776 * 2.25), 900)
     v, u = np.nonzero(image > 100)
     middle = ((image.shape[0] - 1) / 2, (image.shape[1] - 1) / 2)
-    assert u.mean() - middle[1] == pytest.approx(225 * right, abs=2)
-    assert middle[0] - v.mean() == pytest.approx(225 * up, abs=2)
+    # The first azimuth looks along 13 / 5600 of a revolution, 0.84 deg to the right of ahead.
+    aside = 225 * math.radians(0.836)
+    assert u.mean() - middle[1] == pytest.approx(225 * right + aside * up, abs=1)
+    assert middle[0] - v.mean() == pytest.approx(225 * up - aside * right, abs=1)
     assert image.max() == 255
 
 
