@@ -31,6 +31,8 @@ NEAREST_M = 0.1
 _FRESNEL_SHARE = 0.1
 """Longest edge of a cell over sqrt(lambda R): large plates then have the power of the image to 0.15 dB."""
 MAX_BOUNCES = 3
+_APERTURE = {"plate": 1.0, "dihedral": 1.5, "trihedral": 0.7}
+"""Largest aperture over the product of the sizes: 1, sqrt(2) and 1 / sqrt(3), and what other bounces add."""
 _GRAZING = 1e-3
 """Curved targets reflect nothing at a smaller cosine of incidence."""
 _HALVINGS = 48
@@ -113,14 +115,14 @@ def surface_paths(
 
 
 def largest_sum(target: Target, wavelength_m: float) -> float:
-    """Return a bound on |sum dA| times both distances, from and to the target [m^2].
+    """Return the largest |sum dA| of a target times both distances, from and to it [m^2].
 
     Args:
         target: A coherent target.
         wavelength_m: Wavelength [m].
 
     Returns:
-        The bound: the area of a flat target, each of its bounces counted in full.
+        For a flat target the area of the aperture that it offers at most, sqrt(sigma / 4 pi) lambda.
     """
     if target.kind == "point":
         return math.sqrt(target.rcs_m2 / (4 * math.pi)) * wavelength_m
@@ -128,8 +130,7 @@ def largest_sum(target: Target, wavelength_m: float) -> float:
         return wavelength_m * target.size_m[0] / 2
     if target.kind == "cylinder":
         return target.size_m[1] * math.sqrt(wavelength_m * target.size_m[0])
-    patches = _patches_of(target)
-    return MAX_BOUNCES * float(np.linalg.norm(np.cross(patches.first, patches.second), axis=1).sum())
+    return _APERTURE[target.kind] * target.size_m[0] * target.size_m[-1]
 
 
 def _no_paths() -> SurfacePaths:

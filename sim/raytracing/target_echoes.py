@@ -15,13 +15,14 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.attitude import bearing_and_elevation
 from echoscape.scenes.core.materials import MATERIAL_NAMES, MATERIALS
-from echoscape.scenes.core.targets import PlacedTarget, Target
+from echoscape.scenes.core.targets import KINDS, PlacedTarget, Target
 from echoscape.sim.echoes import Returns
 from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
 from echoscape.sim.numerics.angles import principal_angle
@@ -50,6 +51,8 @@ _MOST_PHASE = 0.1
 """Change of phase over a target [cycles] after which its sum is computed again."""
 _MOST_SHIFT = 0.01
 """Movement of the antenna over the range after which it is computed again."""
+_WORTHWHILE = 0.01
+"""Routes by way of mirrors are followed where their power at its largest is this share of the floor."""
 _BOUND_SLACK = 2.0
 """Power of an echo over the estimate of its largest power, at most: beams are not quite even."""
 
@@ -100,17 +103,17 @@ class _Route:
         """In how many directions the route is taken."""
         return 1 if self.out is self.back else 2
 
-    @property
+    @cached_property
     def range_m(self) -> NDArray[np.float64]:
         """Half the length of the route at each azimuth (A,) [m]."""
         return (self.out.range_m + self.back.range_m) / 2
 
-    @property
+    @cached_property
     def closing_mps(self) -> NDArray[np.float64]:
         """Its rate of change (A,), positive when it shortens [m/s]."""
         return (self.out.closing_mps + self.back.closing_mps) / 2
 
-    @property
+    @cached_property
     def share(self) -> NDArray[np.float64]:
         """Share of the amplitude (A,) that mirrors and obstacles leave."""
         return self.out.share * self.back.share
@@ -128,6 +131,11 @@ class _RangeSums:
 
     range_m: NDArray[np.float64]
     amplitude: NDArray[np.complex128]
+
+    @property
+    def largest_w(self) -> float:
+        """Largest power in one step of range [W]."""
+        return float(np.max(np.square(np.abs(self.amplitude)), initial=0.0))
 
     def scaled(self, factor: float) -> "_RangeSums":
         """Return the sum times a factor on the amplitude."""
@@ -256,29 +264,47 @@ class TargetEchoes:
     ) -> list[list[_Leg]]:
         """Return the legs to each target by way of mirrors that show some of it, the targets in order."""
         poses = state.poses
-        middle = poses.position[len(poses.position) // 2]
-        moved_m = float(np.linalg.norm(poses.position - middle, axis=1).max())
-        legs: list[list[_Leg]] = []
-        for placed in self._placed:
-            found = mirrors.mirrors(np.array(placed.target.position_m), middle, moved_m=moved_m)
-            legs.append([self._leg(placed.target, each, poses) for each in found])
-        wanted: list[MirrorLegs] = []
-        for placed, straight, others in zip(self._placed, direct, legs, strict=True):
-            main = np.any([self._main(leg) for leg in (straight, *others)], axis=0)
-            for leg in others:
-                assert leg.mirror is not None
-                azimuth = np.flatnonzero(main)
-                wanted.append(MirrorLegs(target=placed.target, mirror=leg.mirror, azimuth=azimuth))
-        if not wanted:
-            return legs
-        shares = iter(
-            zip(wanted, mirrors.filled_shares(wanted, poses.position, state.ray_scene), strict=True)
-        )
-        for others in legs:
-            for leg in others:
-                each, share = next(shares)
-                leg.share[each.azimuth] = share
-        return [[leg for leg in others if leg.share.any()] for others in legs]
+        legs = [
+            [
+                self._leg(placed.target, mirror, poses)
+                for mirror in self._mirrors_of(mirrors, placed.target, poses)
+            ]
+            for placed in self._placed
+        ]
+        for exact in (False, True):
+            wanted = [
+                MirrorLegs(
+                    target=placed.target,
+                    mirror=leg.mirror,
+                    azimuth=self._covering(leg, straight, exact=exact),
+                )
+                for placed, straight, others in zip(self._placed, direct, legs, strict=True)
+                for leg in others
+                if leg.mirror is not None
+            ]
+            if not wanted:
+                break
+            filled = iter(mirrors.filled_shares(wanted, poses.position, state.ray_scene, exact=exact))
+            for each, leg in zip(wanted, itertools.chain.from_iterable(legs), strict=True):
+                leg.share[:] = _by_nearest(each.azimuth, next(filled), len(leg.share))
+            legs = [[leg for leg in others if leg.share.any()] for others in legs]
+        return legs
+
+    def _mirrors_of(self, mirrors: TargetMirrors, target: Target, poses: AzimuthPoses) -> list[Mirror]:
+        """Return the mirrors that may show a target in a scan."""
+        axes = poses.axes[len(poses.yaw) // 2]
+
+        def nearest_azimuth(towards: Vectors) -> NDArray[np.int64]:
+            turned = bearing_and_elevation(axes, towards)[0] - self._azimuth_rad[0]
+            return np.rint(turned / self._sensor.azimuth_step_rad).astype(np.int64) % self._sensor.azimuths
+
+        return mirrors.mirrors(np.array(target.position_m), poses.position, nearest_azimuth)
+
+    def _covering(self, leg: _Leg, straight: _Leg, *, exact: bool) -> NDArray[np.int64]:
+        """Return azimuths that cover a leg or the direct one: all in their main lobes, or the middle ones."""
+        if not exact:
+            return np.unique([np.argmin(leg.beyond_rad), np.argmin(straight.beyond_rad)])
+        return np.flatnonzero(self._main(leg) | self._main(straight))
 
     def _leg(self, target: Target, mirror: Mirror | None, poses: AzimuthPoses) -> _Leg:
         """Return a leg; the share of one by way of a mirror is still 0."""
@@ -313,6 +339,9 @@ class TargetEchoes:
         nearest = near[np.argmin(np.abs(near[None] - aside[:, None]), axis=1)]
         aside, nearest = self._loud(route, aside, nearest)
         near = np.union1d(self._loud(route, near, near)[0], nearest)
+        if route.bounces > 1 and not self._worthwhile(route, near, state):
+            return []
+        gain = self._route_gain(route)
         parts, reference, paths = [], -1, None
         for azimuth in near.tolist():
             if paths is None or self._phases_changed(route, state.poses, reference, azimuth):
@@ -327,11 +356,22 @@ class TargetEchoes:
             sides = aside[nearest == azimuth]
             if len(sides) == 0:
                 continue
-            sums = self._range_sums(paths, state.poses, azimuth, weighted=False)
-            for side, gain in zip(sides.tolist(), self._route_gain(route)[sides].tolist(), strict=True):
-                weighted = sums.scaled(share * math.sqrt(gain))
+            sums = self._range_sums(paths, state.poses, azimuth, weighted=False).scaled(share)
+            for side in sides[sums.largest_w * gain[sides] > self._floor_w / _BOUND_SLACK].tolist():
+                weighted = sums.scaled(math.sqrt(gain[side]))
                 parts.append(self._beam_echoes(weighted, number, route, reference, side, sidelobe=True))
         return [each for each in parts if len(each.azimuth)]
+
+    def _worthwhile(self, route: _Route, near: NDArray[np.int64], state: ScanState) -> bool:
+        """Whether a route's echo comes near the floor at that of some azimuths (K,) that covers it best."""
+        if len(near) == 0:
+            return False
+        best = int(near[np.argmax(np.square(route.share[near]) * self._route_gain(route)[near])])
+        paths = self._visible_paths(route, best, state)
+        if len(paths.path_m) == 0:  # something may pass by
+            return True
+        sums = self._range_sums(paths, state.poses, best, weighted=True).scaled(float(route.share[best]))
+        return sums.largest_w > self._floor_w * _WORTHWHILE
 
     def _route_gain(self, route: _Route) -> NDArray[np.float64]:
         """Return the two-way azimuth power gain of a route to its reference point (A,)."""
@@ -361,7 +401,7 @@ class TargetEchoes:
         """Whether the antenna moved so far between two azimuths that the phases over the target changed."""
         moved = float(np.linalg.norm(poses.position[azimuth] - poses.position[reference]))
         range_m = min(float(leg.range_m[azimuth]) for leg in route.legs)
-        cycles = 2 * moved * route.target.reach_m / (range_m * self._sensor.wavelength_m)
+        cycles = 2 * moved * _lever_m(route, range_m) / (range_m * self._sensor.wavelength_m)
         return cycles > _MOST_PHASE or moved > _MOST_SHIFT * range_m
 
     def _visible_paths(self, route: _Route, azimuth: int, state: ScanState) -> SurfacePaths:
@@ -378,8 +418,8 @@ class TargetEchoes:
             wavelength_m=wavelength_m,
             epsilon=permittivity(MATERIALS[route.target.material], self._sensor.carrier_hz),
         )
-        if len(paths.path_m) == 0 or route.share[azimuth] == 0:
-            return paths.take(np.zeros(len(paths.path_m), np.bool_))
+        if len(paths.path_m) == 0:
+            return paths
         met = [(route.out, paths.first), (route.back, paths.last)]
         hidden = np.zeros(len(paths.path_m), np.bool_)
         for leg, points in met[: 1 if _one_way(route, paths) else 2]:
@@ -460,6 +500,27 @@ class TargetEchoes:
             sidelobe=np.full(count, sidelobe),
             closing_mps=np.full(count, closing_mps, np.float32),
         )
+
+
+def _lever_m(route: _Route, range_m: float) -> float:
+    """Return the size over which phases differ when the antenna moves across the line of sight [m].
+
+    The specular point of a curved target moves with the antenna; along an upright cylinder, which the antenna
+    moves past, phases differ by the slant to its ends alone.
+    """
+    target = route.target
+    if KINDS[target.kind].flat or target.kind == "point":
+        return target.reach_m
+    along_m = target.size_m[1] ** 2 / (2 * range_m) if target.kind == "cylinder" else 0.0
+    return along_m + (target.size_m[0] if route.ways > 1 else 0.0)
+
+
+def _by_nearest(known: NDArray[np.int64], values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return values at 0, 1 ... count - 1, each that at the nearest `known` place."""
+    place = np.arange(count)
+    after = np.clip(np.searchsorted(known, place), 0, len(known) - 1)
+    before = np.maximum(after - 1, 0)
+    return values[np.where(np.abs(known[before] - place) <= np.abs(known[after] - place), before, after)]
 
 
 def _one_way(route: _Route, paths: SurfacePaths) -> bool:

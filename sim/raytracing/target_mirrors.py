@@ -12,7 +12,7 @@ Wolf, Principles of Optics, 8.7) without its ripple.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +29,7 @@ from echoscape.sim.settings.surfaces import SurfaceSettings
 
 VOLUMES = ("foliage", "person")
 """Materials whose faces stand for leaves or cloth in all directions: no plane mirrors."""
-LEAST_AREA_M2 = 1.0
+LEAST_AREA_M2 = 3.0
 """Smallest plane that is taken as a mirror [m^2]."""
 _LEAST_FACE_M2 = 0.02
 _LEAST_WIDTH_M = 0.05
@@ -41,7 +41,10 @@ _SAME_NORMAL, _SAME_PLANE_M = 1 - 1e-6, 2e-3
 _NEAREST_M = 1e-2
 """Antenna and target lie at least this far in front of a mirror [m]."""
 _SKIN_M = 5e-3
-_ZONE_POINTS = 64
+_MAIN_SHARE = 0.05
+"""Share of the turn in which a beam's main lobe passes a target."""
+_ZONE_POINTS, _FEW_POINTS = 32, 8
+"""Points in which a zone is divided, and those that decide whether it is worth more."""
 _ZONE_RADII = 1.2
 """Radii b of the Fresnel zone within which a face adds to its share."""
 
@@ -57,6 +60,8 @@ class MirrorFaces:
         normal: Unit normal of each face (F, 3) float64.
         material: Material id of each face (F,) int64.
         instance: Instance id of each face (F,) int64.
+        middle: Mean of the corners of each face (F, 3) float64 [m].
+        reach_m: Distance of the farthest corner from it (F,) float64 [m].
         first: First face of each plane, and F at the end (G + 1,) int64.
         centre: Centre of a sphere about the faces of each plane (G, 3) float64 [m].
         radius_m: Its radius (G,) float64 [m].
@@ -66,6 +71,8 @@ class MirrorFaces:
     normal: Vectors
     material: NDArray[np.int64]
     instance: NDArray[np.int64]
+    middle: Vectors
+    reach_m: NDArray[np.float64]
     first: NDArray[np.int64]
     centre: Vectors
     radius_m: NDArray[np.float64]
@@ -186,6 +193,8 @@ def _by_planes(
         normal=normal[order],
         material=material[order],
         instance=instance[order],
+        middle=middle,
+        reach_m=np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1, initial=0),
         first=np.append(first, len(plane)),
         centre=centre,
         radius_m=np.maximum.reduceat(away_m, first) if len(first) else np.zeros(0),
@@ -250,32 +259,35 @@ class TargetMirrors:
         self._plane_normal = faces.normal[plane]
         self._plane_offset_m = np.einsum("gk,gk->g", self._plane_normal, faces.corners[plane, 0])
 
-    def mirrors(self, target: Vectors, antenna: Vectors, *, moved_m: float) -> list[Mirror]:
-        """Return the mirrors that may show a target.
+    def mirrors(
+        self, target: Vectors, positions: Vectors, nearest_azimuth: Callable[[Vectors], NDArray[np.int64]]
+    ) -> list[Mirror]:
+        """Return the mirrors that may show a target to the azimuths that point at it or at its image.
 
         Args:
             target: Reference point of the target (3,) [m].
-            antenna: Position of the antenna (3,) [m].
-            moved_m: Distance from there within which the antenna moves during the scan [m].
+            positions: Position of the antenna at each azimuth of a scan (A, 3) [m].
+            nearest_azimuth: Returns the azimuths (N,) that point at directions (N, 3).
 
         Returns:
             The mirrors, not yet tested for what hides them.
         """
-        faces = self._faces
-        plane = self._planes(target, antenna, moved_m=moved_m)
-        ends = zip(faces.first[plane].tolist(), faces.first[plane + 1].tolist(), strict=True)
-        face = np.concatenate([np.arange(start, end) for start, end in ends] or [plane])
-        face = self._near_specular_point(face, target, antenna, moved_m=moved_m)
+        middle = positions[len(positions) // 2]
+        moved_m = float(np.linalg.norm(positions - middle, axis=1).max())
+        face = self._faces_near(target, middle, slack_m=moved_m)
+        face = face[self._reflects(face, target, np.broadcast_to(middle, (len(face), 3)), slack_m=moved_m)]
+        normal = self._faces.normal[face]
+        height_m = np.einsum("fk,fk->f", normal, target - self._faces.corners[face, 0])
+        images = target - 2 * height_m[:, None] * normal
+        slack_m = moved_m * _MAIN_SHARE
+        shown = np.zeros(len(face), np.bool_)
+        for towards in (images - middle, np.broadcast_to(target - middle, images.shape)):
+            antenna = positions[nearest_azimuth(towards)]
+            shown |= self._reflects(face, target, antenna, slack_m=slack_m)
         found: list[Mirror] = []
-        for index in face.tolist():
-            mirror = self._mirror(index, antenna)
-            same = (
-                each.material == mirror.material
-                and abs(each.normal @ mirror.normal) > _SAME_NORMAL
-                and abs(float(faces.corners[index, 0] @ each.normal) - each.offset_m) < _SAME_PLANE_M
-                for each in found
-            )
-            if not any(same):
+        for index in face[shown].tolist():
+            mirror, corner = self._mirror(index, middle), self._faces.corners[index, 0]
+            if not any(_same(each, mirror, corner) for each in found):
                 found.append(mirror)
         return found
 
@@ -291,44 +303,49 @@ class TargetMirrors:
             instance=int(self._faces.instance[face]),
         )
 
-    def _planes(self, target: Vectors, antenna: Vectors, *, moved_m: float) -> NDArray[np.int64]:
-        """Return the planes whose specular point may lie on a face, both points in front of them."""
+    def _faces_near(self, target: Vectors, antenna: Vectors, *, slack_m: float) -> NDArray[np.int64]:
+        """Return the faces near the specular points of their planes, target and antenna in front of these."""
         normal, offset_m, faces = self._plane_normal, self._plane_offset_m, self._faces
         height_t, height_a = normal @ target - offset_m, normal @ antenna - offset_m
-        index = np.flatnonzero(height_t * height_a > 0)
-        height_t, height_a, normal = height_t[index], height_a[index], normal[index]
+        plane = np.flatnonzero(height_t * height_a > 0)
+        height_t, height_a, normal = height_t[plane], height_a[plane], normal[plane]
         step = (height_a / (height_a + height_t))[:, None]
         image = target - 2 * height_t[:, None] * normal
         leg_m = np.linalg.norm(image - antenna, axis=1)
         point = antenna + step * (image - antenna)
         # The normals of a plane's faces differ by up to a step, which moves the point with distance.
-        slack_m = moved_m + leg_m * (2 * _NORMAL_STEP) + self._zone_m(leg_m, height_a + height_t)
-        aside_m = np.linalg.norm(point - faces.centre[index], axis=1) - faces.radius_m[index]
-        return index[(aside_m <= slack_m) & (leg_m <= self._reach_m)]
+        allowed_m = slack_m + leg_m * (2 * _NORMAL_STEP) + self._zone_m(leg_m, height_a + height_t)
+        aside_m = np.linalg.norm(point - faces.centre[plane], axis=1) - faces.radius_m[plane]
+        near = (aside_m <= allowed_m) & (leg_m <= self._reach_m)
+        plane, point, allowed_m = plane[near], point[near], allowed_m[near]
+        count = faces.first[plane + 1] - faces.first[plane]
+        start = faces.first[plane] - (np.cumsum(count) - count)
+        face = np.arange(int(count.sum())) + np.repeat(start, count)
+        aside_m = np.linalg.norm(faces.middle[face] - np.repeat(point, count, axis=0), axis=1)
+        return face[aside_m <= faces.reach_m[face] + np.repeat(allowed_m, count)]
 
     def _zone_m(self, leg_m: NDArray[np.float64], height_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the largest reach of Fresnel zones along mirrors [m]: half way, elongated by the slant."""
         radius_m = np.sqrt(self._wavelength_m * leg_m) / 2
         return _ZONE_RADII * radius_m * leg_m / np.maximum(np.abs(height_m), _NEAREST_M)
 
-    def _near_specular_point(
-        self, face: NDArray[np.int64], target: Vectors, antenna: Vectors, *, moved_m: float
-    ) -> NDArray[np.int64]:
-        """Return those faces near which their specular point lies, the nearest to it first."""
+    def _reflects(
+        self, face: NDArray[np.int64], target: Vectors, antenna: Vectors, *, slack_m: float
+    ) -> NDArray[np.bool_]:
+        """Return whether the Fresnel zones of legs from antennas (N, 3) reach faces (N,)."""
         corners, normal = self._faces.corners[face], self._faces.normal[face]
         offset_m = np.einsum("fk,fk->f", normal, corners[:, 0])
-        height_t, height_a = normal @ target - offset_m, normal @ antenna - offset_m
+        height_t = normal @ target - offset_m
+        height_a = np.einsum("fk,fk->f", normal, antenna) - offset_m
         front = (height_t * height_a > 0) & (np.minimum(np.abs(height_t), np.abs(height_a)) > _NEAREST_M)
-        face, corners, normal, offset_m = face[front], corners[front], normal[front], offset_m[front]
-        height_m = np.abs(height_t[front]) + np.abs(height_a[front])
-        point = specular_points(normal, offset_m, *np.broadcast_arrays(antenna, target[None] + 0 * normal))
-        leg_m = np.linalg.norm(point - antenna, axis=1) + np.linalg.norm(point - target, axis=1)
+        height_m = np.where(front, height_a + height_t, 1.0)
+        image = target - 2 * height_t[:, None] * normal
+        point = antenna + (height_a / height_m)[:, None] * (image - antenna)
+        allowed_m = slack_m + self._zone_m(np.linalg.norm(image - antenna, axis=1), height_m)
         edges = np.roll(corners, -1, axis=1) - corners
-        inwards = np.cross(normal[:, None], edges)
-        inside_m = np.einsum("fek,fek->fe", point[:, None] - corners, inwards)
-        inside_m = (inside_m / np.linalg.norm(edges, axis=2)).min(axis=1)
-        near = inside_m >= -(moved_m + self._zone_m(leg_m, height_m))
-        return face[near][np.argsort(-inside_m[near], kind="stable")]
+        inside_m = np.einsum("fek,fek->fe", point[:, None] - corners, np.cross(normal[:, None], edges))
+        inside_m /= np.linalg.norm(edges, axis=2)
+        return front & (inside_m.min(axis=1, initial=np.inf) >= -allowed_m)
 
     def coefficient(self, mirror: Mirror, image: Vectors, points: Vectors) -> NDArray[np.complex128]:
         """Return the amplitude factor of legs by way of a mirror.
@@ -351,7 +368,7 @@ class TargetMirrors:
         return gamma * np.sqrt(1 - material.scattering**2) * np.exp(-np.square(rough) / 2)
 
     def filled_shares(
-        self, legs: Sequence[MirrorLegs], positions: Vectors, ray_scene: RayScene
+        self, legs: Sequence[MirrorLegs], positions: Vectors, ray_scene: RayScene, *, exact: bool
     ) -> list[NDArray[np.float64]]:
         """Return the shares of the Fresnel zones of legs that their mirrors fill and nothing hides.
 
@@ -359,6 +376,7 @@ class TargetMirrors:
             legs: Legs, each by way of one mirror at several azimuths.
             positions: Position of the antenna at every azimuth of the scan (A, 3) [m].
             ray_scene: The scene at these azimuths.
+            exact: Whether by 32 rays a leg, or by 8 to find those that are worth it.
 
         Returns:
             The share at each azimuth of each of `legs`, 0 to 1.
@@ -382,10 +400,12 @@ class TargetMirrors:
         shares = np.zeros(len(front))
         if front.any():
             ahead = rays.take(front)
-            shares[front] = _free_share(ahead, self._zone(ahead), ray_scene)
+            shares[front] = _free_share(
+                ahead, self._zone(ahead, _ZONE_POINTS if exact else _FEW_POINTS), ray_scene
+            )
         return np.split(shares, np.cumsum(counts)[:-1])
 
-    def _zone(self, rays: "_LegRays") -> NDArray[np.float64]:
+    def _zone(self, rays: "_LegRays", count: int) -> NDArray[np.float64]:
         """Return points (N, Z, 3) [m] that divide the weighted Fresnel zones of legs evenly."""
         normal = rays.normal
         middle = specular_points(normal, rays.offset_m, rays.antenna, rays.seen)
@@ -399,7 +419,7 @@ class TargetMirrors:
         along[square] = np.cross(normal[square], least)
         along /= np.linalg.norm(along, axis=1)[:, None]
         across = np.cross(normal, along)
-        u, v = _zone_pattern()
+        u, v = _zone_pattern(count)
         along *= (spread_m * out_m / height_m)[:, None]
         across *= spread_m[:, None]
         return middle[:, None] + u[:, None] * along[:, None] + v[:, None] * across[:, None]
@@ -428,10 +448,19 @@ class _LegRays:
         return np.einsum("nk,nk->n", points, self.normal) - self.offset_m
 
 
-def _zone_pattern() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _same(mirror: Mirror, other: Mirror, corner: NDArray[np.float64]) -> bool:
+    """Whether two mirrors, the second with this corner (3,) [m], are one."""
+    return (
+        mirror.material == other.material
+        and abs(float(mirror.normal @ other.normal)) > _SAME_NORMAL
+        and abs(float(corner @ mirror.normal) - mirror.offset_m) < _SAME_PLANE_M
+    )
+
+
+def _zone_pattern(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return points (Z,) each of which stands for an even share of a Gaussian of unit width: a sunflower."""
-    number = np.arange(_ZONE_POINTS) + 0.5
-    radius = np.sqrt(-2 * np.log1p(-number / _ZONE_POINTS))
+    number = np.arange(count) + 0.5
+    radius = np.sqrt(-2 * np.log1p(-number / count))
     angle = number * (math.pi * (3 - math.sqrt(5)))
     return radius * np.cos(angle), radius * np.sin(angle)
 

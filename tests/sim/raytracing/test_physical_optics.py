@@ -92,14 +92,26 @@ def test_both_directions_of_a_path_are_alike(
     assert there == pytest.approx(back, rel=1e-3)
 
 
-@settings(max_examples=30, deadline=None)
+FLAT = [
+    Target(kind="plate", position_m=(0.0, 0.0, 0.0), size_m=(0.3, 0.2)),
+    Target(kind="dihedral", position_m=(0.0, 0.0, 0.0), size_m=(0.2, 0.3)),
+    Target(kind="trihedral", position_m=(0.0, 0.0, 0.0), size_m=(0.2,)),
+]
+
+
+@settings(max_examples=60, deadline=None)
 @given(
-    target=st.sampled_from(TARGETS),
-    bearing_deg=st.floats(-170, 170),
+    target=st.sampled_from([*TARGETS, *FLAT]),
+    bearings_deg=st.tuples(st.floats(-85, 85), st.floats(-85, 85)),
     range_m=st.floats(2, 50),
+    monostatic=st.booleans(),
 )
-def test_no_sum_exceeds_its_bound(target: Target, bearing_deg: float, range_m: float) -> None:
-    ends = around(0.0, range_m), around(bearing_deg, range_m)
+def test_no_sum_exceeds_its_bound(
+    target: Target, bearings_deg: tuple[float, float], range_m: float, monostatic: bool
+) -> None:
+    ends = [around(bearing, range_m) for bearing in bearings_deg]
+    if monostatic:
+        ends[1] = ends[0]
     bound = largest_sum(target, WAVELENGTH_M) / (range_m - target.reach_m) ** 2
     assert abs(total(target, *ends)) <= bound * 1.001
 
