@@ -55,7 +55,7 @@ def build_scene(config: SimulationConfig, *, whole_drive: bool = False) -> Scene
     """
     if config.scene is None:
         scene = _town(config)
-        drive = plan_ego_drive(scene, seed=config.seed, duration_s=config.duration_s, settings=config.drive)
+        drive = _drive(scene, config)
         names = ["an object of the town"] * len(scene.instance_class)
         targets, first_instance = config.targets, len(names)
     else:
@@ -103,6 +103,22 @@ def _town(config: SimulationConfig) -> Scene:
     """Return the town, from the cache where it was built before."""
     settings = {"preset": config.preset, "seed": config.seed}
     return cached("town", Scene, settings, lambda: build_town(config.preset, seed=config.seed))
+
+
+def _drive(scene: Scene, config: SimulationConfig) -> EgoDrive:
+    """Return the drive through a town, from the cache where it was planned before."""
+    settings = {
+        "preset": config.preset,
+        "seed": config.seed,
+        "duration_s": config.duration_s,
+        "drive": asdict(config.drive),
+    }
+    return cached(
+        "drive",
+        EgoDrive,
+        settings,
+        lambda: plan_ego_drive(scene, seed=config.seed, duration_s=config.duration_s, settings=config.drive),
+    )
 
 
 def _traffic(scene: Scene, drive: EgoDrive, config: SimulationConfig) -> tuple[Mover, ...]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from numpy.typing import NDArray
@@ -50,6 +50,7 @@ def inside(points: NDArray[np.floating], area: Area) -> NDArray[np.bool_]:
     return (x >= area[0]) & (x <= area[2]) & (y >= area[1]) & (y <= area[3])
 
 
+@settings(deadline=None)  # the first one builds a world
 @given(seed=st.integers(0, 1000), x=COORDINATES, y=COORDINATES, size=st.floats(0.1, 80))
 def test_every_face_with_a_point_in_the_area_stays_as_it_is(
     seed: int, x: float, y: float, size: float
@@ -78,6 +79,7 @@ def test_faces_beyond_one_side_go() -> None:
     assert_array_equal(kept.instance, np.flatnonzero(touching))
 
 
+@settings(deadline=None)
 @given(x=COORDINATES, y=COORDINATES, yaw=st.floats(-4, 4), scale=st.floats(0.2, 3))
 def test_a_placement_that_touches_the_area_stays(x: float, y: float, yaw: float, scale: float) -> None:
     prototype = box_prototype("box", (8.0, 2.0, 1.0), "metal")

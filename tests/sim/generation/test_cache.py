@@ -89,18 +89,19 @@ def test_scans_have_the_same_bytes_without_cache_cold_and_warm(
 ) -> None:
     config = replace(CONFIG, preset=preset)
     cold, warm = (build_simulator(config).scan(1) for _ in range(2))
-    assert sorted(path.name.partition("-")[0] for path in folder.iterdir()) == ["town", "traffic"]
+    assert sorted(path.name.partition("-")[0] for path in folder.iterdir()) == ["drive", "town", "traffic"]
     monkeypatch.setenv("ECHOSCAPE_CACHE", "off")
     assert cold == warm == build_simulator(config).scan(1)
 
 
-def test_a_second_run_builds_neither_town_nor_traffic(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_run_builds_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = add_traffic(build_scene(CONFIG), CONFIG)
 
     def fail(*arguments: object, **settings: object) -> None:
         raise AssertionError("built again")
 
     monkeypatch.setattr(setup_stage, "build_town", fail)
+    monkeypatch.setattr(setup_stage, "plan_ego_drive", fail)
     monkeypatch.setattr(setup_stage, "plan_traffic", fail)
     assert same_setup(add_traffic(build_scene(CONFIG), CONFIG), first)
     with pytest.raises(AssertionError):
@@ -423,4 +424,4 @@ def test_processes_that_build_the_same_town_at_once_agree(folder: Path) -> None:
     ended = [each.communicate() for each in running]
     assert [error for _, error in ended] == [b"", b""]
     assert len({json.loads(output) for output, _ in ended}) == 1
-    assert [path.name.partition("-")[0] for path in folder.iterdir()] == ["town"]
+    assert sorted(path.name.partition("-")[0] for path in folder.iterdir()) == ["drive", "town"]
