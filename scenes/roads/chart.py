@@ -34,7 +34,8 @@ class Chart:
         angle = rng.uniform(0, np.pi) + np.arange(3) * np.pi / 3 + rng.uniform(-0.3, 0.3, 3)
         wave = wave_m * rng.uniform(0.8, 1.3, 3)
         self._waves = (2 * np.pi / wave)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        self._height_m = shear / 3 * wave / (2 * np.pi)
+        height = shear / 3 * wave / (2 * np.pi)
+        self._sway_m = height[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
         self._phase = rng.uniform(0, 2 * np.pi, 3)
         self._turn_rad = rng.uniform(0, np.pi)
 
@@ -51,10 +52,7 @@ class Chart:
         cos, sin = np.cos(angle), np.sin(angle)
         x, y = points[..., 0], points[..., 1]
         places = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-        for wave, height, phase in zip(self._waves, self._height_m, self._phase, strict=True):
-            across = np.array([-wave[1], wave[0]]) / np.linalg.norm(wave)
-            places = places + height * np.sin(points @ wave + phase)[..., None] * across
-        return places
+        return places + np.sin(points @ self._waves.T + self._phase) @ self._sway_m
 
 
 def chart_street(chart: Chart, start: Line, end: Line, *, bow: float = 0.0) -> Line:

@@ -153,8 +153,8 @@ def polygons(shape: BaseGeometry) -> list[Polygon]:
 
 def _rounded(shape: BaseGeometry, radius_m: float) -> BaseGeometry:
     """Round the inward corners of a shape, as a kerb rounds the corner of two streets."""
-    closed = shape.buffer(radius_m, quad_segs=6).buffer(-radius_m, quad_segs=6)
-    return MultiPolygon(polygons(closed.union(shape).simplify(_SKIN_M)))
+    closed = shape.buffer(radius_m, quad_segs=8).buffer(-radius_m, quad_segs=8)
+    return MultiPolygon(polygons(closed.simplify(_SKIN_M)))
 
 
 def _pieces(

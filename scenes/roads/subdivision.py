@@ -122,7 +122,8 @@ class _StreetPlan:
     def heading(self, node: Line, other: Line) -> float:
         """Return the heading in the world at `node` of the street from `node` to `other` [rad]."""
         near = node + (other - node) * min(2.0 / float(np.linalg.norm(other - node)), 1.0)
-        x, y = self.chart(near) - self.chart(node)
+        first, second = self.chart(np.stack([node, near]))
+        x, y = second - first
         return float(np.arctan2(y, x))
 
     def neighbours(self, node: int) -> list[int]:

@@ -38,12 +38,13 @@ def enclose_gardens(
     for garden in gardens:
         if rng.random() >= rule.back_fence_chance:
             continue
-        blocked = shapely.union_all([other.buffer(0.35) for other in block.occupied.near(garden.buffer(1.0))])
-        lines = garden.exterior.simplify(0.3).difference(blocked).difference(done.buffer(0.6))
+        near = block.occupied.near(garden.buffer(1.0))
+        blocked = shapely.union_all([*shapely.buffer(near, 0.35, quad_segs=2), done])
+        lines = garden.exterior.simplify(0.3).difference(blocked)
         kind = str(rng.choice(["wall"] * 6 + ["hedge"] * 2 + ["boards"]))
         for line in _runs(lines):
             add_boundary(builder, line, kind, block, rng=rng, height_m=float(rng.uniform(1.5, 1.9)))
-        done = shapely.union_all([done, garden])
+        done = done.union(garden.buffer(0.6, quad_segs=2))
 
 
 def _runs(shape: BaseGeometry) -> list[LineString]:

@@ -361,7 +361,7 @@ def _dress(
     behind_kerb = offset(line, -(kind.half_width_m + 0.45))
     at = np.concatenate([lamps, trees])
     places = points_at(behind_kerb, at)
-    clear = shapely.distance(ground.carriageway, shapely.points(places)) > 0.3
+    clear = ~shapely.dwithin(ground.carriageway, shapely.points(places), 0.3)
     for number in np.flatnonzero(clear).tolist():
         lamp = number < len(lamps)
         yaw = float(np.interp(at[number], along, heading)) + np.pi / 2

@@ -48,6 +48,7 @@ def frontages(block: Polygon, streets: BaseGeometry) -> list[Line]:
     Returns:
         Lines (P, 2) [m] with the block to their left.
     """
+    shapely.prepare(streets)
     turned = shapely.orient_polygons(block)
     sides = []
     for ring in (turned.exterior, *turned.interiors):
@@ -56,7 +57,7 @@ def frontages(block: Polygon, streets: BaseGeometry) -> list[Line]:
         heading = unwrapped_headings(step)
         turn = np.abs(np.roll(heading, -3) - np.roll(heading, 3))[:-3]
         corner = np.flatnonzero(turn % (2 * np.pi) > 0.5)
-        near = np.asarray(shapely.distance(shapely.points(rim), streets)) < 0.6
+        near = np.asarray(shapely.dwithin(streets, shapely.points(rim), 0.6))
         near[corner] = False
         edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
         sides += [rim[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 5]
@@ -168,6 +169,8 @@ def _garden(
     )
     if not quad.is_valid:
         return []
-    rest = shapely.difference(quad.intersection(block.outline), shapely.union_all(block.occupied.near(quad)))
+    near = np.array(block.occupied.near(quad), dtype=object)
+    taken = shapely.union_all(near[shapely.intersects(quad, near)])
+    rest = shapely.difference(quad.intersection(block.outline), taken)
     pieces = [p for p in shapely.get_parts(rest) if isinstance(p, Polygon) and p.area > 25.0]
     return [max(pieces, key=lambda p: p.area)] if pieces else []
