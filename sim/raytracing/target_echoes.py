@@ -51,8 +51,10 @@ _MOST_PHASE = 0.1
 """Change of phase over a target [cycles] after which its sum is computed again."""
 _MOST_SHIFT = 0.01
 """Movement of the antenna over the range after which it is computed again."""
-_WORTHWHILE = 0.01
-"""Routes by way of mirrors are followed where their power at its largest is this share of the floor."""
+_LEAST_SHARE = 0.1
+"""Mirrors that fill less of the Fresnel zone, as a share of the amplitude, are left out."""
+_FAINT = 0.01
+"""Routes by way of mirrors are left where their power at its largest is below this share of the floor."""
 _BOUND_SLACK = 2.0
 """Power of an echo over the estimate of its largest power, at most: beams are not quite even."""
 
@@ -287,7 +289,7 @@ class TargetEchoes:
             filled = iter(mirrors.filled_shares(wanted, poses.position, state.ray_scene, exact=exact))
             for each, leg in zip(wanted, itertools.chain.from_iterable(legs), strict=True):
                 leg.share[:] = _by_nearest(each.azimuth, next(filled), len(leg.share))
-            legs = [[leg for leg in others if leg.share.any()] for others in legs]
+            legs = [[leg for leg in others if leg.share.max() >= _LEAST_SHARE] for others in legs]
         return legs
 
     def _mirrors_of(self, mirrors: TargetMirrors, target: Target, poses: AzimuthPoses) -> list[Mirror]:
@@ -339,10 +341,15 @@ class TargetEchoes:
         nearest = near[np.argmin(np.abs(near[None] - aside[:, None]), axis=1)]
         aside, nearest = self._loud(route, aside, nearest)
         near = np.union1d(self._loud(route, near, near)[0], nearest)
-        if route.bounces > 1 and not self._worthwhile(route, near, state):
-            return []
         gain = self._route_gain(route)
         parts, reference, paths = [], -1, None
+        if route.bounces > 1:
+            if len(near) == 0:
+                return []
+            reference = int(near[np.argmax(np.square(route.share[near]) * gain[near])])
+            paths = self._visible_paths(route, reference, state)
+            if self._faint(route, paths, reference, state):
+                return []
         for azimuth in near.tolist():
             if paths is None or self._phases_changed(route, state.poses, reference, azimuth):
                 reference, paths = azimuth, self._visible_paths(route, azimuth, state)
@@ -362,16 +369,12 @@ class TargetEchoes:
                 parts.append(self._beam_echoes(weighted, number, route, reference, side, sidelobe=True))
         return [each for each in parts if len(each.azimuth)]
 
-    def _worthwhile(self, route: _Route, near: NDArray[np.int64], state: ScanState) -> bool:
-        """Whether a route's echo comes near the floor at that of some azimuths (K,) that covers it best."""
-        if len(near) == 0:
+    def _faint(self, route: _Route, paths: SurfacePaths, azimuth: int, state: ScanState) -> bool:
+        """Whether a route stays far below the floor, by its paths at the azimuth that covers it best."""
+        if len(paths.path_m) == 0:  # something may just pass by
             return False
-        best = int(near[np.argmax(np.square(route.share[near]) * self._route_gain(route)[near])])
-        paths = self._visible_paths(route, best, state)
-        if len(paths.path_m) == 0:  # something may pass by
-            return True
-        sums = self._range_sums(paths, state.poses, best, weighted=True).scaled(float(route.share[best]))
-        return sums.largest_w > self._floor_w * _WORTHWHILE
+        sums = self._range_sums(paths, state.poses, azimuth, weighted=True)
+        return sums.scaled(float(route.share[azimuth])).largest_w < self._floor_w * _FAINT
 
     def _route_gain(self, route: _Route) -> NDArray[np.float64]:
         """Return the two-way azimuth power gain of a route to its reference point (A,)."""
