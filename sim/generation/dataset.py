@@ -5,6 +5,7 @@ on workers, threads, or how often the run was stopped and resumed.
 """
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -69,20 +70,13 @@ def write_dataset(
         complete = tables and is_complete_glb(out / "scene.glb")
         setup = _setup(config, report) if missing or not complete else None
         if setup is not None:
-            _write_scene(out, config, setup, report)
+            _write_tables(out, config, setup)
     except BaseException:
         if not resume:
             remove_output_folder(out, made)
         raise
-    if setup is not None and missing:
-        simulate_scans(
-            out,
-            config,
-            setup,
-            workers=min(workers, missing),
-            threads=threads,
-            report=lambda done: report("scans", done, config.scans),
-        )
+    if setup is not None:
+        _write_scans(out, config, setup, workers=min(workers, missing), threads=threads, report=report)
     _write_motion(out, config)
 
 
@@ -132,13 +126,10 @@ def _setup(config: SimulationConfig, report: Progress) -> SceneSetup:
     return setup
 
 
-def _write_scene(out: Path, config: SimulationConfig, setup: SceneSetup, report: Progress) -> None:
-    """Write the tracks of the movers, and the scene for viewers unless a stopped run has."""
-    report("scene", 0, 1)
+def _write_tables(out: Path, config: SimulationConfig, setup: SceneSetup) -> None:
+    """Write the moving objects and their tracks."""
     driven_s = min(config.duration_s, setup.drive.duration_s)
     times = np.arange(0.0, driven_s, 1 / config.sensor.rotation_hz)
-    if not is_complete_glb(out / "scene.glb"):
-        write_atomic(out / "scene.glb", scene_to_glb(setup.scene))
     write_atomic(out / "movers.csv", movers_csv(setup.movers).encode())
     tracks = tracks_csv(
         setup.drive.trajectory,
@@ -148,7 +139,37 @@ def _write_scene(out: Path, config: SimulationConfig, setup: SceneSetup, report:
         attitude=config.artefacts.attitude,
     )
     write_atomic(out / "tracks.csv", tracks.encode())
-    report("scene", 1, 1)
+
+
+def _write_scans(
+    out: Path,
+    config: SimulationConfig,
+    setup: SceneSetup,
+    *,
+    workers: int,
+    threads: int | None,
+    report: Progress,
+) -> None:
+    """Simulate the scans that are missing, and write the scene for viewers, unless a stopped run has.
+
+    The scene is encoded while the ray tracer starts.
+    """
+    path = out / "scene.glb"
+    with ThreadPoolExecutor(1) as background:
+        encoded = None if is_complete_glb(path) else background.submit(scene_to_glb, setup.scene)
+        if workers:
+            simulate_scans(
+                out,
+                config,
+                setup,
+                workers=workers,
+                threads=threads,
+                report=lambda done: report("scans", done, config.scans),
+            )
+        report("scene", 0, 1)
+        if encoded is not None:
+            write_atomic(path, encoded.result())
+        report("scene", 1, 1)
 
 
 def _write_motion(out: Path, config: SimulationConfig) -> None:
