@@ -165,10 +165,10 @@ class CellLabeller:
 
     def _largest(self, received: Received) -> NDArray[np.uint8]:
         """Return NOISE, DIRECT (any echo), SPOKE or INTERFERENCE by the largest part of each cell."""
-        component = np.full(received.echo.shape, Component.NOISE, np.uint8)
         echo = (received.echo > received.noise) & (received.echo >= received.distortion)
-        component[echo] = Component.DIRECT
-        component[(received.distortion > received.noise) & ~echo] = Component.SPOKE
+        spoke = received.distortion > received.noise
+        component = np.where(spoke, np.uint8(Component.SPOKE), np.uint8(Component.NOISE))
+        component = np.where(echo, np.uint8(Component.DIRECT), component)
         if received.others is not None:
             foreign = (component == Component.SPOKE) & (received.others * 2 >= received.distortion)
             component[foreign] = Component.INTERFERENCE

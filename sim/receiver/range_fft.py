@@ -92,7 +92,8 @@ def written_power(
     Returns:
         Power (azimuths, bins / step) float32 [units of written power].
     """
-    power = np.square(values.real) + np.square(values.imag)
+    power = np.square(values.real)
+    power += np.square(values.imag)
     return np.multiply(power, _written_gain(sensor)[::step], out=out)
 
 
