@@ -12,6 +12,7 @@ echoes.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,7 @@ def sample_count(sensor: Sensor) -> int:
     Returns:
         A multiple of 32 that is quick to transform, without prime factors above 5.
     """
-    return 32 * int(next_fast_len(math.ceil(sensor.samples * 1.05 / 32), real=True))
+    return 32 * cast("int", next_fast_len(math.ceil(sensor.samples * 1.05 / 32), real=True))
 
 
 @lru_cache(maxsize=8)

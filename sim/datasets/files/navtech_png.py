@@ -58,7 +58,7 @@ def _grey_png(image: NDArray[np.uint8]) -> bytes:
     filtered[:, 0], filtered[:, 1] = _SUB, image[:, 0]
     np.subtract(image[:, 1:], image[:, :-1], out=filtered[:, 2:])
     packer = zlib.compressobj(strategy=zlib.Z_HUFFMAN_ONLY, memLevel=9)
-    data = packer.compress(filtered) + packer.flush()
+    data = packer.compress(filtered.data) + packer.flush()
     header = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)  # 8 bits, grey, deflate, not interlaced
     return _SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")
 
