@@ -83,8 +83,14 @@ def tangents(line: Line) -> Line:
     Returns:
         Unit vectors (P, 2) in the direction of travel.
     """
-    slope = np.gradient(line, arc_length(line), axis=0, edge_order=2)
-    return slope / np.linalg.norm(slope, axis=1, keepdims=True)
+    step = np.diff(line, axis=0)
+    length = np.sqrt(step[:, :1] ** 2 + step[:, 1:] ** 2)
+    chord = step / length
+    both = length[:-1] + length[1:]
+    bend = (chord[1:] - chord[:-1]) / both
+    inside = chord[:-1] + length[:-1] * bend
+    slope = np.concatenate([chord[:1] - length[:1] * bend[:1], inside, chord[-1:] + length[-1:] * bend[-1:]])
+    return slope / np.sqrt(slope[:, :1] ** 2 + slope[:, 1:] ** 2)
 
 
 def left_normals(line: Line) -> Line:
@@ -174,10 +180,9 @@ def connecting_curve(before: Line, after: Line, *, step_m: float = 0.1) -> Line:
 @lru_cache(maxsize=4096)
 def _connecting_curve(before_bytes: bytes, after_bytes: bytes, step_m: float) -> Line:
     """Return the curve between two lines that are given as the bytes of their (P, 2) float64 points."""
-    before, after = (np.frombuffer(points).reshape(-1, 2) for points in (before_bytes, after_bytes))
-    start, end = before[-1], after[0]
-    direction = np.stack([tangents(before[-8:])[-1], tangents(after[:8])[0]])  # (2, 2)
-    bend = np.array([np.median(curvature(before[-12:])[-6:-1]), np.median(curvature(after[:12])[1:6])])
+    (start, leaving, first_bend), (end, arriving, last_bend) = _end(before_bytes), _start(after_bytes)
+    direction = np.stack([leaving, arriving])  # (2, 2)
+    bend = np.array([first_bend, last_bend])
     chord = float(np.linalg.norm(end - start))
     speed = chord * np.linspace(0.7, 2.0, 10)
     leave, arrive = (grid.ravel() for grid in np.meshgrid(speed, speed))  # (G,)
@@ -186,6 +191,20 @@ def _connecting_curve(before_bytes: bytes, after_bytes: bytes, step_m: float) ->
     line = _quintics(start, end, direction, bend, np.array([[leave[best], arrive[best]]]), samples=801)[0]
     line[0], line[-1] = start, end
     return resampled(line, step_m)
+
+
+@lru_cache(maxsize=4096)
+def _start(points_bytes: bytes) -> tuple[Line, Line, float]:
+    """Return place (2,), direction (2,) and curvature [1/m] at the start of a line given as bytes."""
+    line = np.frombuffer(points_bytes).reshape(-1, 2)
+    return line[0], tangents(line[:8])[0], float(np.median(curvature(line[:12])[1:6]))
+
+
+@lru_cache(maxsize=4096)
+def _end(points_bytes: bytes) -> tuple[Line, Line, float]:
+    """Return place (2,), direction (2,) and curvature [1/m] at the end of a line given as bytes."""
+    line = np.frombuffer(points_bytes).reshape(-1, 2)
+    return line[-1], tangents(line[-8:])[-1], float(np.median(curvature(line[-12:])[-6:-1]))
 
 
 def _quintics(
