@@ -97,10 +97,11 @@ def hull_parts(hull: Hull) -> dict[str, Mesh]:
 
 def _smoothed_together(parts: dict[str, Mesh]) -> dict[str, Mesh]:
     """Give parts the normals of the one curved surface that they make up; leave out those without faces."""
-    whole = smoothed(merge(parts.values()), crease_rad=_CREASE_RAD)
+    normals = smoothed(merge(parts.values()), crease_rad=_CREASE_RAD).normals
+    assert normals is not None
     ends = np.cumsum([len(part.faces) for part in parts.values()])[:-1]
-    normals = dict(zip(parts, np.split(whole.normals, ends), strict=True))
-    return {name: replace(part, normals=normals[name]) for name, part in parts.items() if len(part.faces)}
+    shares = zip(parts.items(), np.split(normals, ends), strict=True)
+    return {name: replace(part, normals=share) for (name, part), share in shares if len(part.faces)}
 
 
 def _stations(hull: Hull) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ PAGE = ROOT / "docs" / "physics.md"
 
 Section = Literal[
     "Link and cross-sections",
+    "Curved surfaces and road users",
     "Antenna",
     "Materials",
     "Roughness",
@@ -26,6 +27,7 @@ Section = Literal[
 ]
 SECTIONS: tuple[Section, ...] = (
     "Link and cross-sections",
+    "Curved surfaces and road users",
     "Antenna",
     "Materials",
     "Roughness",
@@ -54,6 +56,12 @@ Known limits: near ground is sampled by one to three rays per range cell, so tha
 on the choice of rays (coherence of 0.6 to 0.8 after 5 cm of driving; fixed scatterers would keep 0.98).
 Expected widths of the windows are those of their cosine sums, 1.44, 1.30 and 1.64 cells at -3 dB (Harris
 1978: 1.44, 1.30).
+
+Cross-sections of road users are compared with published ones at 24-79 GHz: 3GPP TR 38.901 V19.4, Tables
+7.9.2.1-1 and -4 (cars: front 15.5, rear 14.6, sides 20.8, elsewhere 7 dBsm; adults -1.4 in the mean of
+power), measurements of humans and dummies at 24 and 77 GHz (Fortuny-Guasch & Chareau, JRC report EUR 25762,
+2013) and of vehicles and pedestrians at 26 and 79 GHz (Matsunami et al., ICSPCS 2012). They differ by 5 dB
+and more from one to the other. The whole table by aspect and range is in docs/scenes.md.
 """
 HEADER = """\
 | law | source | expected | simulated | tolerance | why this tolerance |

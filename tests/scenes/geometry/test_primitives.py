@@ -87,3 +87,54 @@ def test_fences_are_of_their_material_and_let_rays_through_where_open(kind: Fenc
     assert parts[material].vertices[:, 2].max() < 1.6
     facing = solids.areas(parts[material].vertices, parts[material].faces).sum()
     assert (facing > 40.0) == (kind == "boards")
+
+
+def test_normals_of_smoothed_facets_are_those_of_the_sphere() -> None:
+    facets = solids.ellipsoid((0.5, 0.5, 0.5), sides=16, rows=12)
+    found = solids.smoothed(Mesh(vertices=facets.vertices, faces=facets.faces), crease_rad=np.radians(40))
+    corners = facets.vertices[facets.faces] / 0.5
+    assert found.normals is not None
+    assert facets.normals is not None
+    cosine = np.sum(found.normals * corners, axis=2)
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 6.0
+    np.testing.assert_allclose(np.sum(facets.normals * corners, axis=2), 1.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("crease_deg", [40.0, 89.0])
+def test_smoothing_leaves_a_box_flat(crease_deg: float) -> None:
+    found = solids.smoothed(solids.box((1.0, 2.0, 3.0)), crease_rad=np.radians(crease_deg))
+    assert found.normals is not None
+    assert not found.normals.any()
+
+
+def test_sides_of_a_tube_are_round_and_its_ends_flat() -> None:
+    cone = solids.tube((0, 0, 0), (0, 0, 2), 0.5, 0.3, sides=7)
+    assert cone.normals is not None
+    ends = ~cone.normals.any(axis=(1, 2))
+    assert ends.sum() == 2 * 5
+    corners, normals = cone.vertices[cone.faces][~ends], cone.normals[~ends]
+    outwards = np.stack([corners[..., 0], corners[..., 1], np.zeros(corners.shape[:2])], axis=2)
+    outwards /= np.linalg.norm(outwards, axis=2, keepdims=True)
+    # The slant of the wall, 0.2 m in 2 m, tilts the normals up by atan(0.1).
+    expected = (outwards + [0.0, 0.0, 0.1]) / np.sqrt(1.01)
+    np.testing.assert_allclose(normals, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("change", ["moved", "mirrored", "merged"])
+def test_normals_follow_their_faces(change: str) -> None:
+    ball = solids.ellipsoid((0.5, 0.4, 0.3), sides=9, rows=5)
+    turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    changed = {
+        "moved": lambda: solids.moved(ball, (1, 2, 3), yaw_rad=0.6, rotation=turn),
+        "mirrored": lambda: solids.mirrored(ball),
+        "merged": lambda: solids.merge([solids.box((1, 1, 1)), ball]),
+    }[change]()
+    assert changed.normals is not None
+    assert len(changed.normals) == len(changed.faces)
+    curved = changed.normals.any(axis=(1, 2))
+    assert curved.sum() == len(ball.faces)
+    corners = changed.vertices[changed.faces].astype(np.float64)
+    plane = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[curved]
+    plane /= np.linalg.norm(plane, axis=1, keepdims=True)
+    # Normals at the corners of a facet lie around that of its plane.
+    assert np.sum(changed.normals[curved].mean(axis=1) * plane, axis=1).min() > 0.85
