@@ -7,6 +7,7 @@ next setting, and the order of settings changes no byte.
 import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -57,6 +58,7 @@ class _Latest(Generic[_Result]):
         return result
 
 
+@lru_cache(maxsize=8)
 def leakage_grid(sensor: Sensor) -> NDArray[np.complex64]:
     """Compute the transmit-receive leakage and the echoes of the radome, which are alike at all azimuths.
 
