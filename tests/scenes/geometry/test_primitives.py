@@ -116,13 +116,13 @@ def test_sides_of_a_tube_are_round_and_its_ends_flat() -> None:
     outwards = np.stack([corners[..., 0], corners[..., 1], np.zeros(corners.shape[:2])], axis=2)
     outwards /= np.linalg.norm(outwards, axis=2, keepdims=True)
     # The slant of the wall, 0.2 m in 2 m, tilts the normals up by atan(0.1).
-    expected = (outwards + [0.0, 0.0, 0.1]) / np.sqrt(1.01)
+    expected = (outwards + np.array([0.0, 0.0, 0.1])) / np.sqrt(1.01)
     np.testing.assert_allclose(normals, expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("change", ["moved", "mirrored", "merged"])
 def test_normals_follow_their_faces(change: str) -> None:
-    ball = solids.ellipsoid((0.5, 0.4, 0.3), sides=9, rows=5)
+    ball = solids.ellipsoid((0.5, 0.4, 0.3), sides=18, rows=10)
     turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     changed = {
         "moved": lambda: solids.moved(ball, (1, 2, 3), yaw_rad=0.6, rotation=turn),

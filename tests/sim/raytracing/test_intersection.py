@@ -61,7 +61,7 @@ def ball_hits(kind: str) -> tuple[Hits, NDArray, float]:
     radius_m = RADIUS_M * (SCALE if kind == "placed" else 1.0)
     origin, direction = rays_towards(CENTRE, radius_m)
     if kind == "static":
-        still = moved(BALL.parts["metal"], CENTRE - [0, 0, RADIUS_M], yaw_rad=YAW)
+        still = moved(BALL.parts["metal"], (CENTRE - [0, 0, RADIUS_M]).tolist(), yaw_rad=YAW)
         return hits_in(world(("metal", "target", still)), origin, direction), direction, radius_m
     if kind == "placed":
         return hits_in(placed(BALL), origin, direction), direction, radius_m
@@ -87,7 +87,7 @@ def test_normals_of_a_faceted_ball_are_radial(kind: str) -> None:
 
 
 def test_reflected_rays_leave_the_faces_of_a_coarse_ball() -> None:
-    coarse = ellipsoid((RADIUS_M,) * 3, CENTRE, sides=5, rows=3)
+    coarse = ellipsoid((RADIUS_M,) * 3, CENTRE.tolist(), sides=5, rows=3)
     origin, direction = rays_towards(CENTRE, 2 * RADIUS_M)
     smooth = hits_in(world(("metal", "target", coarse)), origin, direction)
     bare = Mesh(vertices=coarse.vertices, faces=coarse.faces)
@@ -104,7 +104,7 @@ def test_reflected_rays_leave_the_faces_of_a_coarse_ball() -> None:
 
 
 def test_box_keeps_the_normals_of_its_faces() -> None:
-    sides = smoothed(box((1.0, 1.0, 1.0), CENTRE), crease_rad=math.radians(40))
+    sides = smoothed(box((1.0, 1.0, 1.0), CENTRE.tolist()), crease_rad=math.radians(40))
     origin, direction = rays_towards(CENTRE, RADIUS_M)
     hits = hits_in(world(("metal", "wall", sides)), origin, direction)
     normal = hits.normal.numpy().T[hits.active.numpy()]
