@@ -20,6 +20,9 @@ class PoseTables:
         forward: Unit vectors straight ahead (3 A,) double, likewise.
         right: Unit vectors to the right (3 A,) double, likewise.
         up: Unit vectors along the axis of the antenna (3 A,) double, likewise.
+        forward_single: `forward` in single precision, for directions that are known so far only: every echo
+            gathers it, and double precision would take a third of the time of a trace.
+        right_single: `right`, likewise.
         azimuth_period_s: Time from one azimuth to the next (1,) [s].
     """
 
@@ -28,6 +31,8 @@ class PoseTables:
     forward: "mi.Float64"
     right: "mi.Float64"
     up: "mi.Float64"
+    forward_single: "mi.Float"
+    right_single: "mi.Float"
     azimuth_period_s: "mi.Float"
 
     def in_world(self, direction: "mi.Vector3d", azimuth: "mi.UInt32") -> "mi.Vector3d":
@@ -56,7 +61,7 @@ class PoseTables:
             Angles (N), -pi to pi [rad].
         """
         forward, right = (
-            mi.Vector3f(dr.gather(mi.Vector3d, axis, azimuth)) for axis in (self.forward, self.right)
+            dr.gather(mi.Vector3f, axis, azimuth) for axis in (self.forward_single, self.right_single)
         )
         return dr.atan2(dr.dot(direction, right), dr.dot(direction, forward))
 
@@ -81,12 +86,15 @@ def pose_tables(poses: AzimuthPoses) -> PoseTables:
     Returns:
         The same poses for kernels.
     """
+    forward, right, up = (poses.axes[:, k].ravel() for k in range(3))
     return PoseTables(
         position=mi.Float64(poses.position.ravel()),
         velocity=mi.Float(poses.velocity.astype(np.float32).ravel()),
-        forward=mi.Float64(poses.axes[:, 0].ravel()),
-        right=mi.Float64(poses.axes[:, 1].ravel()),
-        up=mi.Float64(poses.axes[:, 2].ravel()),
+        forward=mi.Float64(forward),
+        right=mi.Float64(right),
+        up=mi.Float64(up),
+        forward_single=mi.Float(forward.astype(np.float32)),
+        right_single=mi.Float(right.astype(np.float32)),
         # The time between azimuths only enters through the motion of the objects.
         azimuth_period_s=dr.opaque(mi.Float, poses.azimuth_period_s),
     )
