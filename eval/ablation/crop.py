@@ -70,7 +70,8 @@ def region_cells(scan: PolarScan, region: str) -> NDArray[np.bool_]:
 
     Args:
         scan: The scan with its truth.
-        region: Name of a component, "mover" for direct echoes of moving objects, or "" for all.
+        region: Name of a component (of ghosts the displaced ones, where known), "mover" for direct echoes of
+            moving objects, or "" for all.
 
     Returns:
         Whether each cell (azimuths, bins) is one of them; all of them without truth.
@@ -80,7 +81,8 @@ def region_cells(scan: PolarScan, region: str) -> NDArray[np.bool_]:
     cells = scan.truth.cells
     if region == "mover":
         return cells.moving & (cells.component == Component.DIRECT)
-    return cells.component == Component[region.upper()]
+    concerned = cells.component == Component[region.upper()]
+    return concerned & cells.displaced if region == "ghost" and cells.displaced is not None else concerned
 
 
 def _most_changed_above(

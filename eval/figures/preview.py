@@ -303,7 +303,7 @@ def _components_polar(axes: Axes, frame: Frame) -> None:
     _titled(
         axes,
         "Component",
-        "strongest contribution; ghost: a path of several bounces, shown where none of its surfaces is",
+        "strongest contribution; ghost: several bounces, none of the surfaces there",
     )
     component, names = frame.shown_components()
     table = np.array([to_rgb(COMPONENT_COLOURS[name]) for name in names], np.float32)

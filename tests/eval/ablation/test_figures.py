@@ -21,7 +21,7 @@ CONFIG = SimulationConfig(preset="empty", seed=5, scans=2)
 
 
 def _shown(azimuth: int, range_m: float, view: str) -> CaseScans:
-    """An artefact that makes one patch of a scan brighter, and a larger one elsewhere that does not count."""
+    """An artefact that makes displaced ghosts in one patch brighter, and more in place elsewhere."""
     scan = drawn_scan()
     assert scan.truth is not None
     before = np.full((400, 3768), 20, np.uint8)
@@ -29,9 +29,11 @@ def _shown(azimuth: int, range_m: float, view: str) -> CaseScans:
     column = round(range_m / scan.bin_m)
     component[azimuth - 2 : azimuth + 3, column - 20 : column + 21] = 3
     after[component == 3] = 80
+    displaced = component == 3
     if view == "above":
-        after[300:340] = 80
-    truth = replace(scan.truth, cells=replace(scan.truth.cells, component=component))
+        component[300:340], after[300:340] = 3, 80
+    cells = replace(scan.truth.cells, component=component, displaced=displaced)
+    truth = replace(scan.truth, cells=cells)
     return CaseScans(
         case=ArtefactCase(name="ghosts", text="", span_m=60.0, view=view, region="ghost"),  # type: ignore[arg-type]
         strengths=(0.0, 1.0),
