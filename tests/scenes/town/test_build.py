@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from echoscape.scenes.core.scene import CLASSES, Scene
 from echoscape.scenes.town.build import build_town
@@ -24,9 +25,11 @@ def country(request: pytest.FixtureRequest) -> Scene:
 
 
 def placed_triangles(town: Scene, row: int) -> NDArray[np.float64]:
-    """Return (N, F, 3, 3) the triangles of all placements of one prototype."""
+    """Return (N, F, 3, 3) the triangles of those placements of one prototype that may reach a lane."""
     prototype, placed = town.prototypes[row], town.placements
-    rows = placed.prototype == row
+    lanes = KDTree(np.concatenate([lane.centre[::4] for lane in town.roads.lanes]))
+    reach = np.hypot(*prototype.extent_m[:2]) / 2 * placed.scale + CLEAR_M + 4.0
+    rows = (placed.prototype == row) & (lanes.query(placed.position[:, :2])[0] < reach)
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in prototype.parts.values()]).astype(float)
     cos, sin = (f(placed.yaw[rows])[:, None, None] for f in (np.cos, np.sin))
     scaled = placed.scale[rows][:, None, None, None] * corners
