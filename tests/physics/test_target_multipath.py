@@ -145,15 +145,15 @@ def fresnel_tm(epsilon: complex, cosine: float) -> complex:
 
 
 def two_rays_w(height_m: float, sigma_m2: float, *, rho: float = 1.0) -> float:
-    """Power of a small target 30 m away over level concrete, its reflection times `rho`."""
+    """Power of a small target `DISTANCE_M` away over level concrete, its reflection times `rho`."""
     antenna = Antenna(POINTING)
     grid = antenna.elevation_grid_rad + math.radians(POINTING.mount_tilt_deg)
     rays = []
     for end_m in (height_m, -height_m):
-        length_m = math.hypot(30.0, end_m - HEIGHT_M)
-        gain = np.interp(math.atan2(end_m - HEIGHT_M, 30.0), grid, antenna.elevation_one_way)
+        length_m = math.hypot(DISTANCE_M, end_m - HEIGHT_M)
+        gain = np.interp(math.atan2(end_m - HEIGHT_M, DISTANCE_M), grid, antenna.elevation_one_way)
         rays.append(math.sqrt(gain) * np.exp(-2j * math.pi * length_m / WAVELENGTH_M) / length_m)
-    cosine = (HEIGHT_M + height_m) / math.hypot(30.0, HEIGHT_M + height_m)
+    cosine = (HEIGHT_M + height_m) / math.hypot(DISTANCE_M, HEIGHT_M + height_m)
     total = rays[0] + rho * fresnel_tm(CONCRETE, cosine) * rays[1]
     return radar_equation_w(sigma_m2, 1.0, 1.0) * abs(total) ** 4
 
@@ -161,9 +161,9 @@ def two_rays_w(height_m: float, sigma_m2: float, *, rho: float = 1.0) -> float:
 def sweep_db(
     kind: str, size_m: tuple[float, ...], surfaces: SurfaceSettings, ground: str = "concrete"
 ) -> NDArray[np.float64]:
-    """Received power (N,) [dB] of targets 30 m away at `HEIGHTS_M`, each in a row of its own."""
+    """Received power (N,) [dB] of targets `DISTANCE_M` away at `HEIGHTS_M`, each in a row of its own."""
     rows = 3 + 9 * np.arange(len(HEIGHTS_M))
-    places = [at_azimuth(int(row), 30.0, float(h)) for row, h in zip(rows, HEIGHTS_M, strict=True)]
+    places = [at_azimuth(int(row), DISTANCE_M, float(h)) for row, h in zip(rows, HEIGHTS_M, strict=True)]
     targets = [Target(kind=kind, position_m=place, size_m=size_m) for place in places]
     echoes = echoes_of(*targets, things=((ground, *GROUND[1:]),), surfaces=surfaces)
     powers = [
@@ -173,6 +173,7 @@ def sweep_db(
 
 
 HEIGHTS_M = np.linspace(0.6, 1.4, 43)
+DISTANCE_M = 60.0
 
 
 @pytest.mark.parametrize(
@@ -183,18 +184,25 @@ def test_target_over_smooth_ground_interferes_with_its_reflection(
 ) -> None:
     simulated = sweep_db(kind, size_m, SMOOTH)
     expected = decibel(np.array([two_rays_w(float(height), sigma_m2) for height in HEIGHTS_M]))
-    assert np.corrcoef(simulated, expected)[0, 1] > 0.99
     law(
-        f"{kind.capitalize()} over smooth concrete at 30 m, 43 heights: standard deviation of its power",
+        f"{kind.capitalize()} over smooth concrete at 60 m, 43 heights: correlation of its power with theory",
+        source=TWO_RAYS,
+        expected=1.0,
+        simulated=float(np.corrcoef(simulated, expected)[0, 1]),
+        tolerance=0.01,
+        why="permittivity of three digits moves the minima; the sphere's specular points lie apart",
+    )
+    law(
+        f"{kind.capitalize()} over smooth concrete at 60 m, 43 heights: standard deviation of its power",
         source=TWO_RAYS,
         expected=float(np.std(expected)),
         simulated=float(np.std(simulated)),
         tolerance=0.3,
         unit="dB",
-        why="permittivity of three digits moves the minima; the sphere's specular points lie apart",
+        why="as above",
     )
     law(
-        f"{kind.capitalize()} over smooth concrete at 30 m, 43 heights: mean power",
+        f"{kind.capitalize()} over smooth concrete at 60 m, 43 heights: mean power",
         source=TWO_RAYS,
         expected=float(np.mean(expected)) + 30,
         simulated=float(np.mean(simulated)) + 30,
@@ -209,7 +217,7 @@ def test_rough_ground_reflects_no_image(law: LawRecorder) -> None:
     simulated = sweep_db("point", (), ploughed, ground="soil")
     expected = decibel(np.array([two_rays_w(float(height), 1.0, rho=0.0) for height in HEIGHTS_M]))
     law(
-        "Point over soil of 30 mm rms height at 30 m, 43 heights: largest difference from its direct echo",
+        "Point over soil of 30 mm rms height at 60 m, 43 heights: largest difference from its direct echo",
         source="coherent reflection of rough surfaces, Ament 1953",
         expected=0.0,
         simulated=float(np.max(np.abs(simulated - expected))),

@@ -123,7 +123,7 @@ def test_only_large_flat_faces_of_surfaces_are_mirrors() -> None:
     bent = Mesh(
         vertices=mesh.vertices,
         faces=mesh.faces,
-        normals=np.tile(np.float32([-1, 0, 0]), (len(mesh.faces), 3, 1)),
+        normals=np.tile(np.array([-1, 0, 0], np.float32), (len(mesh.faces), 3, 1)),
     )
     for thing in (small, leaves):
         assert len(mirror_faces(world(thing)).corners) == 0
