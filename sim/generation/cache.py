@@ -86,7 +86,7 @@ def cached(name: str, kind: Any, settings: Mapping[str, Any], build: Callable[[]
     except FileNotFoundError:
         pass
     except (OSError, RecordError) as error:
-        _LOG.warning("%s is not used: it %s", path, error)
+        _LOG.warning("%s is built again: %s", path, error)
     built = build()
     try:
         with _STORING:
@@ -118,7 +118,14 @@ def code_digest() -> str | None:
 
 @lru_cache(maxsize=1)
 def _versions() -> dict[str, str]:
-    return {"python": platform.python_version(), **{name: metadata.version(name) for name in _PACKAGES}}
+    return {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}}
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:  # a checkout that is on the path without having been installed
+        return "not installed"
 
 
 def _load(path: Path, kind: Any, key: str) -> Any:
