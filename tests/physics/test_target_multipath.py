@@ -314,13 +314,19 @@ def test_ghosts_do_not_depend_on_the_rays() -> None:
     np.testing.assert_array_equal(some.range_m, other.range_m)
 
 
-def test_rays_add_no_second_ghost_of_a_target() -> None:
-    sphere = Target(kind="sphere", position_m=at_azimuth(0, 30.0, 1.0), size_m=(0.5,))
-    town = with_targets(world(GROUND), [sphere])
+SPHERE = Target(kind="sphere", position_m=at_azimuth(0, 30.0, 1.0), size_m=(0.5,))
+UPRIGHT = Target(
+    kind="plate", position_m=at_azimuth(0, 15.0, 0.6), heading_rad=math.pi - 0.01, size_m=(1.0, 1.0)
+)
+"""A mirror that makes a corner with the ground."""
+
+
+@pytest.mark.parametrize("target", [SPHERE, UPRIGHT])
+def test_rays_add_no_second_ghost_of_a_target(target: Target) -> None:
+    town = with_targets(world(GROUND), [target])
     settings = TraceSettings(rays=1024, floor_db=-60.0)
-    echoes = Simulator(town, standing(), seed=1, sensor=POINTING, settings=settings, surfaces=SMOOTH).echoes(
-        0
-    )
+    simulator = Simulator(town, standing(), seed=1, sensor=POINTING, settings=settings, surfaces=SMOOTH)
+    echoes = simulator.echoes(0)
     traced = ~echoes.returns.coherent[echoes.source]
     assert not (echoes.instance[traced] == 2).any()
     ghosts = echoes.bounces > 1
