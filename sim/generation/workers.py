@@ -8,7 +8,8 @@ import os
 import pickle
 import signal
 import traceback
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -149,16 +150,6 @@ class ScanWriter:
             surfaces=config.surfaces,
         )
 
-    def make(self, index: int) -> None:
-        """Simulate a scan and write its files, unless it exists.
-
-        Args:
-            index: Number of the scan.
-        """
-        scan = self.simulated(index)
-        if scan is not None:
-            self.write(scan)
-
     def simulated(self, index: int) -> PolarScan | None:
         """Simulate a scan.
 
@@ -217,7 +208,8 @@ class WorkerPool:
         self._threads = threads or max(1, (os.cpu_count() or 1) // workers)
         self._workers = workers
         self._processes: dict[Connection, BaseProcess] = {}
-        self._busy: dict[Connection, int] = {}
+        self._busy: dict[Connection, deque[int]] = {}
+        self._to_do: deque[int] = deque()
 
     def make(self, scans: int, report: Callable[[int], None]) -> None:
         """Hand out the scans one by one until all exist; no process is left running, whatever happens.
@@ -233,12 +225,12 @@ class WorkerPool:
         try:
             setup_file.write_bytes(pickle.dumps(self._setup, protocol=pickle.HIGHEST_PROTOCOL))
             self._start(setup_file)
-            done, to_do = 0, iter(range(scans))
-            self._busy = {pipe: -1 for pipe in self._processes}
+            done, self._to_do = 0, deque(range(scans))
+            self._busy = {pipe: deque([-1]) for pipe in self._processes}
             while self._busy:
                 for pipe in cast("list[Connection]", wait(list(self._busy))):
                     done += self._answer(pipe) >= 0
-                    self._hand_out(pipe, to_do)
+                    self._hand_out(pipe)
                 report(done)
         finally:
             self._stop()
@@ -255,17 +247,17 @@ class WorkerPool:
             theirs.close()
             self._processes[ours] = process
 
-    def _hand_out(self, pipe: Connection, to_do: Iterator[int]) -> None:
-        """Give a worker its next scan, if any is left."""
-        index = next(to_do, None)
-        if index is None:
+    def _hand_out(self, pipe: Connection) -> None:
+        """Give a worker its next scan, and one to simulate while that is written, if enough are left."""
+        given = self._busy[pipe]
+        while self._to_do and (not given or (len(given) == 1 and len(self._to_do) >= self._workers)):
+            given.append(self._to_do.popleft())
+            try:
+                pipe.send(given[-1])
+            except OSError as error:
+                raise self._death(pipe) from error
+        if not given:
             del self._busy[pipe]
-            return
-        self._busy[pipe] = index
-        try:
-            pipe.send(index)
-        except OSError as error:
-            raise self._death(pipe) from error
 
     def _answer(self, pipe: Connection) -> int:
         """Return the number of the scan that a worker finished, -1 where it reports that it has started."""
@@ -277,7 +269,7 @@ class WorkerPool:
             raise WorkerError(
                 f"{self._processes[pipe].name} failed while {self._doing(pipe)}:\n{answer.traceback}"
             )
-        return self._busy[pipe]
+        return self._busy[pipe].popleft()
 
     def _death(self, pipe: Connection) -> WorkerError:
         """Return the error that says how the worker behind a broken pipe ended, and at which scan."""
@@ -286,7 +278,7 @@ class WorkerPool:
         return WorkerError(f"{process.name} died while {self._doing(pipe)} ({_ending(process.exitcode)})")
 
     def _doing(self, pipe: Connection) -> str:
-        index = self._busy[pipe]
+        index = self._busy[pipe][0]
         return f"making scan {index}" if index >= 0 else "starting"
 
     def _stop(self) -> None:
@@ -310,10 +302,33 @@ def _work(pipe: Connection, setup_file: Path, out: Path, config: SimulationConfi
         setup = pickle.loads(setup_file.read_bytes())
         writer = ScanWriter(out, config, setup, threads=threads)
         pipe.send(None)
-        while True:
-            writer.make(pipe.recv())
-            pipe.send(None)
+        with ThreadPoolExecutor(1) as background:
+            _work_off(pipe, writer, background)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
     except Exception:
         pipe.send(_Failure(traceback.format_exc()))
+
+
+def _work_off(pipe: Connection, writer: ScanWriter, background: ThreadPoolExecutor) -> None:
+    """Simulate scans until the pipe closes; each is written while the next is simulated, then reported."""
+    writing: Future[None] | None = None
+    while True:
+        if writing is not None and not pipe.poll():
+            _report_written(pipe, writing)
+            writing = None
+        index = pipe.recv()
+        try:
+            scan = writer.simulated(index)
+        finally:
+            if writing is not None:
+                _report_written(pipe, writing)
+        writing = background.submit(writer.write, scan) if scan is not None else None
+        if scan is None:
+            pipe.send(None)
+
+
+def _report_written(pipe: Connection, writing: Future[None]) -> None:
+    """Wait until a scan is written, and report it."""
+    writing.result()
+    pipe.send(None)

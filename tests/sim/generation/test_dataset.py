@@ -9,8 +9,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections import deque
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -25,7 +27,7 @@ from echoscape.sim.datasets.layouts.oxford import read_odometry, read_timestamps
 from echoscape.sim.generation import setup as stage
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
-from echoscape.sim.generation.workers import WorkerError, complete_scans
+from echoscape.sim.generation.workers import WorkerError, WorkerPool, complete_scans
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.settings.tracing import TraceSettings
 
@@ -206,6 +208,47 @@ def test_worker_that_dies_ends_the_run(tmp_path: Path) -> None:
     assert str(found.value).startswith(killed[0])
     assert multiprocessing.active_children() == []
     assert not list(tmp_path.rglob("*.part"))
+
+
+def test_worker_that_cannot_write_ends_the_run_and_names_its_scan(tmp_path: Path) -> None:
+    def spoil(stage: str, done: int, total: int) -> None:
+        if stage == "scans" and (tmp_path / "truth").is_dir():
+            (tmp_path / "truth").rmdir()
+            (tmp_path / "truth").touch()
+
+    with pytest.raises(
+        WorkerError, match=r"worker \d failed while making scan \d:\n(.|\n)*NotADirectoryError"
+    ):
+        write_dataset(tmp_path, CONFIG, workers=2, progress=spoil)
+    assert multiprocessing.active_children() == []
+    assert not list(tmp_path.rglob("*.png"))
+
+
+@pytest.mark.parametrize(
+    ("scans", "first", "second"),
+    [(1, [0], []), (2, [0], [1]), (3, [0, 1], [2]), (4, [0, 1], [2]), (9, [0, 1], [2, 3])],
+)
+def test_worker_gets_a_second_scan_ahead_only_where_enough_are_left_for_the_others(
+    tmp_path: Path, scans: int, first: list[int], second: list[int]
+) -> None:
+    pool = WorkerPool(tmp_path, CONFIG, cast("Any", None), workers=2, threads=1)
+    pipes = [Pipe() for _ in range(2)]
+    pool._to_do = deque(range(scans))
+    for pipe in pipes:
+        pool._busy[cast("Any", pipe)] = deque()
+        pool._hand_out(cast("Any", pipe))
+    assert [pipe.sent for pipe in pipes] == [first, second]
+    assert len(pool._busy) == bool(first) + bool(second)
+
+
+class Pipe:
+    """Keeps what is sent into it."""
+
+    def __init__(self) -> None:
+        self.sent: list[int] = []
+
+    def send(self, index: int) -> None:
+        self.sent.append(index)
 
 
 def test_another_configuration_is_not_resumed_and_the_setting_is_named(made: Path) -> None:
