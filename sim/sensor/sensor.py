@@ -192,8 +192,8 @@ class Sensor:
         Evenly spaced from the first one; where the encoder has no whole counts for that, its counts lie up to
         one below.
         """
-        angle = self.first_azimuth_rad + self.azimuth_step_rad * np.arange(self.azimuths)
-        return angle % (2 * math.pi)
+        steps = np.arange(self.azimuths, dtype=np.float64)
+        return (self.first_azimuth_rad + self.azimuth_step_rad * steps) % (2 * math.pi)
 
     @property
     def wavelength_m(self) -> float:

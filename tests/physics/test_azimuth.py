@@ -55,7 +55,7 @@ def scan_of(sensor_name: str) -> PolarScan:
 def read_as_loaders_do(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Azimuths [rad] by the encoder in columns 8 and 9, 5600 counts a revolution, and the power of cells."""
     image = np.asarray(Image.open(path)).astype(np.int64)
-    azimuth_rad = (image[:, 8] + 256 * image[:, 9]) * (2 * math.pi / 5600)
+    azimuth_rad = (image[:, 8] + 256 * image[:, 9]).astype(np.float64) * (2 * math.pi / 5600)
     return azimuth_rad, 10 ** (image[:, 11:] / 20)
 
 
