@@ -111,7 +111,7 @@ def ground_plan(network: Network, roads: RoadGraph, trims: TrimLengths, *, margi
     )
 
 
-def _middle(line: NDArray[np.float64]) -> LineString:
+def _middle(line: NDArray[np.float64]) -> BaseGeometry:
     """Return a centre line with no more points than its bends need."""
     return LineString(line).simplify(_CHORD_M)
 

@@ -185,11 +185,8 @@ def _rectangles(
     ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     inward = np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1) * depth[:, None]
     half = ahead * width[:, None] / 2
-    return np.atleast_1d(
-        shapely.polygons(
-            np.stack([front - half, front + half, front + half + inward, front - half + inward], axis=1)
-        )
-    )
+    corners = np.stack([front - half, front + half, front + half + inward, front - half + inward], axis=1)
+    return np.atleast_1d(np.asarray(shapely.polygons(corners)))
 
 
 def _free_plots(plots: list[_Plot], block: CityBlock) -> tuple[list[_Plot], list[Polygon]]:
@@ -213,7 +210,7 @@ def _free_plots(plots: list[_Plot], block: CityBlock) -> tuple[list[_Plot], list
         if not kept.intersection(rivals.get(row, ())):
             kept.add(row)
     rows = inside[sorted(kept)].tolist()
-    return [plots[row] for row in rows], [shapes[row] for row in rows]
+    return [plots[row] for row in rows], shapes[rows].tolist()
 
 
 def _normal(yaw: NDArray[np.float64]) -> NDArray[np.float64]:

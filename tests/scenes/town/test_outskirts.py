@@ -76,7 +76,8 @@ def check_ground(world: World) -> None:
         level = np.ptp(mesh.vertices[mesh.faces][..., 2], axis=1) == 0.0
         under = np.isin(world.scene.instance_class[mesh.instance], [CLASSES.index(name) for name in GROUND])
         corners.append(mesh.vertices[mesh.faces[level & under]][..., :2].astype(float))
-    triangles = shapely.buffer(shapely.polygons(np.concatenate(corners)), 0.02)  # no gaps from float32
+    triangles = np.asarray(shapely.polygons(np.concatenate(corners)))
+    triangles = shapely.buffer(triangles, 0.02)  # no gaps from float32
     found = shapely.STRtree(triangles).query(shapely.points(places.reshape(-1, 2)), predicate="within")[0]
     assert len(np.unique(found)) == places.size // 2
 
