@@ -20,6 +20,8 @@ _MIN_UP = 0.25
 _OVERSAMPLING = 2
 _LINE_PIXELS = 1.5
 """Width of upright faces where they are drawn [px]."""
+_REACH_M = 50.0
+"""Largest distance of any part of a placed object from its middle [m]."""
 
 Window = tuple[float, float, float, float]
 """x0, y0, x1, y1 [m] in the world."""
@@ -120,7 +122,8 @@ def _parts(scene: trimesh.Scene, window: Window) -> Iterator[tuple[str, NDArray[
         matrix, name = _Z_UP @ matrix, str(geometry)
         place = matrix[:2, 3]
         static = name.startswith("static/")
-        if not static and ((place < np.array(window[:2]) - 20) | (place > np.array(window[2:]) + 20)).any():
+        low, high = np.array(window[:2]) - _REACH_M, np.array(window[2:]) + _REACH_M
+        if not static and ((place < low) | (place > high)).any():
             continue
         corners = scene.geometry[name].triangles
         yield name.rsplit("/", 1)[1], corners @ matrix[:3, :3].T + matrix[:3, 3]
