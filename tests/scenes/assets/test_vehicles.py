@@ -54,6 +54,25 @@ def test_meshes_are_finite_without_degenerate_faces_and_of_known_materials(name:
         assert part.faces.max() < len(part.vertices)
 
 
+@pytest.mark.parametrize("name", PROTOTYPES)
+def test_normals_of_curved_faces_are_unit_vectors_on_the_outer_side(name: str) -> None:
+    curved_m2 = all_m2 = 0.0
+    for part in PROTOTYPES[name].parts.values():
+        size_m2 = areas(part.vertices, part.faces)
+        all_m2 += size_m2.sum()
+        if part.normals is None:
+            continue
+        curved = part.normals.any(axis=(1, 2))
+        curved_m2 += size_m2[curved].sum()
+        corners = part.vertices[part.faces[curved]].astype(np.float64)
+        face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        face /= np.linalg.norm(face, axis=1, keepdims=True)
+        normals = part.normals[curved]
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0, atol=1e-5)
+        assert np.einsum("fck,fk->fc", normals, face).min() > 0
+    assert curved_m2 > 0.2 * all_m2
+
+
 @pytest.mark.parametrize(
     "name", [n for n, p in PROTOTYPES.items() if p.class_name in ("car", "van", "truck", "bus", "cyclist")]
 )
