@@ -57,11 +57,12 @@ on the choice of rays (coherence of 0.6 to 0.8 after 5 cm of driving; fixed scat
 Expected widths of the windows are those of their cosine sums, 1.44, 1.30 and 1.64 cells at -3 dB (Harris
 1978: 1.44, 1.30).
 
-Cross-sections of road users are compared with published ones at 24-79 GHz: 3GPP TR 38.901 V19.4, Tables
-7.9.2.1-1 and -4 (cars: front 15.5, rear 14.6, sides 20.8, elsewhere 7 dBsm; adults -1.4 in the mean of
-power), measurements of humans and dummies at 24 and 77 GHz (Fortuny-Guasch & Chareau, JRC report EUR 25762,
-2013) and of vehicles and pedestrians at 26 and 79 GHz (Matsunami et al., ICSPCS 2012). They differ by 5 dB
-and more from one to the other. The whole table by aspect and range is in docs/scenes.md.
+Cross-sections of road users are compared with 3GPP TR 38.901 V19.4, Tables 7.9.2.1-1 and -4 (cars: front
+15.5, rear 14.6, sides 20.8, elsewhere 7 dBsm; adults -1.4 dBsm in the mean of power), and with the usual
+figures at 76-79 GHz (car front and rear 10 to 20, oblique -5 to 5, cyclist -3 to 0, adult about -8 dBsm).
+Measured at these frequencies: Fortuny-Guasch & Chareau, JRC report EUR 25762, 2013 (humans, 24 and 77 GHz);
+Matsunami et al., ICSPCS 2012 (vehicles and pedestrians, 26 and 79 GHz); Buller et al., DOT HS 811 817, 2013
+(cars). Methods differ by 5 dB and more. The whole table by aspect and range is in docs/scenes.md.
 """
 HEADER = """\
 | law | source | expected | simulated | tolerance | why this tolerance |
