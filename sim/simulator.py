@@ -135,6 +135,7 @@ class Simulator:
             seed=seed,
             surfaces=surfaces,
             mirrors=_mirrors(scene),
+            at_rest=self._scene.at_rest,
         )
         self._labeller = CellLabeller(sensor, self.instance_class)
 

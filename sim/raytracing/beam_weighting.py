@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.sim.numerics.decibels import power_ratio
-from echoscape.sim.raytracing.bounces import ReturnPaths, picked
+from echoscape.sim.raytracing.bounces import RayReturns, ReturnPaths, picked
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.scan_state import PoseTables
 from echoscape.sim.sensor.antenna import Antenna
@@ -77,17 +77,18 @@ class BeamWeighting:
         level = power_ratio(np.arange(_LEVELS) * _LEVEL_DB)
         return np.array([np.flatnonzero(gain * each >= 1).max(initial=0) for each in level])
 
-    def largest_loop_gain(self, paths: ReturnPaths, poses: PoseTables) -> "mi.Float":
+    def largest_loop_gain(self, paths: RayReturns, azimuth: "mi.UInt32", poses: PoseTables) -> "mi.Float":
         """Return the largest azimuth gain that any azimuth can have for paths that leave and return apart.
 
         Args:
-            paths: Return paths (N).
+            paths: What rays return (N).
+            azimuth: Azimuth of each ray (N).
             poses: The antenna in the scan.
 
         Returns:
             Two-way azimuth power gains (N), peak about 1.
         """
-        position = dr.gather(mi.Vector3d, poses.position, paths.azimuth)
+        position = dr.gather(mi.Vector3d, poses.position, azimuth)
         out, back = mi.Vector3f(paths.out - position), mi.Vector3f(paths.back - position)
         angle = dr.abs(dr.atan2(out.x * back.y - out.y * back.x, out.x * back.x + out.y * back.y))
         # The product of both gains is largest half way between, or at either when they are far apart.
@@ -181,7 +182,7 @@ class BeamWeighting:
         received = counts & (power > self._floor_w) & in_range
         # Across the seam phases are those of a scan that continues, so that paths in phase stay so.
         ahead = (mi.Float(azimuth) - mi.Float(unwrapped)) * poses.azimuth_period_s
-        real, imag = self._phased(half + mi.Float64(closing * ahead), dr.sqrt(power), path)
+        real, imag = self._phased(half + mi.Float64(closing * ahead + path.beyond), dr.sqrt(power), path)
         results = [mi.Int32(azimuth), apparent, real, imag, power, source, closing, mi.Int32(offset)]
         dr.eval(received, *results)
         keep = dr.compress(received)

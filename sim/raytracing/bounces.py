@@ -15,18 +15,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from echoscape.sim.raytracing.intersection import Hits, rotated_about_z
+from echoscape.sim.raytracing.intersection import Hits
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.surface.curvature import SlopeSpread, slope_spread
 from echoscape.sim.raytracing.surface.scattering import Surfaces
-from echoscape.sim.raytracing.surface.speckle import (
-    PATCH_M,
-    patch_key,
-    patch_step,
-    reflectivity,
-    scatterer_offset,
-)
-from echoscape.sim.raytracing.surface.texture import Texture
+from echoscape.sim.raytracing.surface.speckle import hash32
 
 _SKIN_M = 1e-3
 """Reflected rays start this far above the surface [m]."""
@@ -50,6 +43,9 @@ class RayBatch:
         start: Origin of the first leg, double [m].
         heading: Direction of the first leg, double.
         only_targets: Whether all surfaces so far were coherent targets.
+        chain: Hash of the objects that reflected the ray so far.
+        planes: Hash of the planes in which it was reflected.
+        unfold_x: Image of the world's x axis behind the mirrors so far; likewise `unfold_y`, `unfold_z`.
     """
 
     origin: "mi.Point3d"
@@ -65,15 +61,51 @@ class RayBatch:
     start: "mi.Point3d"
     heading: "mi.Vector3d"
     only_targets: "mi.Bool"
+    chain: "mi.UInt32"
+    planes: "mi.UInt32"
+    unfold_x: "mi.Vector3f"
+    unfold_y: "mi.Vector3f"
+    unfold_z: "mi.Vector3f"
+
+    def unfolded(self, vector: "mi.Vector3f") -> "mi.Vector3d":
+        """Return the images of vectors behind the mirrors that the rays met.
+
+        Args:
+            vector: Vectors at the ends of the rays (N) [m].
+
+        Returns:
+            What they are seen as along the first leg (N) [m].
+        """
+        return mi.Vector3d(self.unfold_x * vector.x + self.unfold_y * vector.y + self.unfold_z * vector.z)
 
 
 @dataclass
-class ReturnPaths:
-    """N paths that return to the antenna, as Dr.Jit arrays.
+class RayReturns:
+    """What N rays return, as Dr.Jit arrays.
 
     Attributes:
         out: Image of the reflecting point along the first leg, unfolded, double [m].
         back: Its image along the last leg, double [m]; the same array where both legs coincide.
+        power: Mean received power before the azimuth gain [W].
+        drift: Rate of change of half the path length by moving surfaces [m/s].
+        bounces: Surfaces met out and back.
+    """
+
+    out: "mi.Point3d"
+    back: "mi.Point3d"
+    power: "mi.Float"
+    drift: "mi.Float"
+    bounces: int
+
+
+@dataclass
+class ReturnPaths:
+    """N paths that return to the antenna, one per patch of surface, as Dr.Jit arrays.
+
+    Attributes:
+        out: Mean image of the reflecting points along the first leg, unfolded, double [m].
+        back: Its image along the last leg, double [m]; the same array where both legs coincide.
+        beyond: Half the path length by way of the scatterer, less that by way of `out` and `back` [m].
         power: Mean received power before the azimuth gain [W].
         real: Real part of the scatterer's unit-power circular Gaussian.
         imag: Imaginary part.
@@ -88,6 +120,7 @@ class ReturnPaths:
 
     out: "mi.Point3d"
     back: "mi.Point3d"
+    beyond: "mi.Float"
     power: "mi.Float"
     real: "mi.Float"
     imag: "mi.Float"
@@ -100,7 +133,7 @@ class ReturnPaths:
     bounces: int
 
 
-_Bundle = TypeVar("_Bundle", RayBatch, ReturnPaths, Hits)
+_Bundle = TypeVar("_Bundle", RayBatch, RayReturns, ReturnPaths, Hits)
 _Vector = TypeVar("_Vector", "mi.Vector3f", "mi.Vector3d")
 
 
@@ -124,9 +157,92 @@ def picked(arrays: _Bundle, index: "mi.UInt32") -> _Bundle:
     return type(arrays)(**{name: taken[id(value)] for name, value in vars(arrays).items()})
 
 
+def joined(first: _Bundle, second: _Bundle) -> _Bundle:
+    """Return two batches of rays, paths or hits as one.
+
+    Args:
+        first: Dataclass of evaluated Dr.Jit arrays (N).
+        second: The same (M).
+
+    Returns:
+        The same dataclass with arrays (N + M).
+    """
+    pairs = {name: (value, getattr(second, name)) for name, value in vars(first).items()}
+    both = {name: _concatenated(*pair) if dr.is_array_v(pair[0]) else pair[0] for name, pair in pairs.items()}
+    return type(first)(**both)
+
+
+def _concatenated(first: Any, second: Any) -> Any:
+    """Return two Dr.Jit arrays, or arrays of vectors, as one."""
+    if dr.depth_v(first) == 1:
+        return dr.concat((first, second))
+    return type(first)(*(dr.concat((first[k], second[k])) for k in range(len(first))))
+
+
+def primary_batch(
+    *,
+    origin: "mi.Point3d",
+    direction: "mi.Vector3d",
+    azimuth: "mi.UInt32",
+    number: "mi.UInt32",
+    density: "mi.Float",
+    gain: "mi.Float",
+) -> RayBatch:
+    """Return rays on their first leg.
+
+    Args:
+        origin: Positions of the antenna (N) [m].
+        direction: Unit directions (N).
+        azimuth: Azimuth that each ray is sent for (N).
+        number: Number of each ray in its scan (N).
+        density: Rays per solid angle (N) [1/sr].
+        gain: One-way elevation gains (N).
+
+    Returns:
+        The rays (N).
+    """
+    count = dr.width(azimuth)
+    one, zero = dr.full(mi.Float, 1, count), dr.zeros(mi.Float, count)
+    return RayBatch(
+        origin=origin,
+        direction=direction,
+        travelled=dr.zeros(mi.Float64, count),
+        weight=one,
+        azimuth=azimuth,
+        number=number,
+        density=density,
+        gain=gain,
+        drift=zero,
+        moved=dr.zeros(mi.Bool, count),
+        start=origin,
+        heading=direction,
+        only_targets=dr.full(mi.Bool, True, count),
+        chain=dr.zeros(mi.UInt32, count),
+        planes=dr.zeros(mi.UInt32, count),
+        unfold_x=mi.Vector3f(one, zero, zero),
+        unfold_y=mi.Vector3f(zero, one, zero),
+        unfold_z=mi.Vector3f(zero, zero, one),
+    )
+
+
 def _unit(vector: "_Vector") -> "_Vector":
     """Return unit vectors, by exact root and division: reciprocal estimates differ between processors."""
     return vector / dr.sqrt(dr.squared_norm(vector))
+
+
+def _plane_key(hits: Hits) -> "mi.UInt32":
+    """Return a hash of the planes that were hit, by steps of normal and distance from the origin."""
+    normal = hits.normal
+    key = dr.zeros(mi.UInt32, dr.width(hits.instance))
+    for value, step in (
+        (normal.x, 0.13),
+        (normal.y, 0.13),
+        (normal.z, 0.13),
+        (dr.dot(normal, hits.point), 0.03),
+    ):
+        cell = mi.Int32(dr.floor(value * (1 / step) + 0.37))
+        key = hash32(key ^ dr.reinterpret_array(mi.UInt32, cell))
+    return key
 
 
 def _te_share(direction: "mi.Vector3f", normal: "mi.Vector3f") -> "mi.Float":
@@ -154,7 +270,6 @@ class BounceSampler:
         surfaces: Surfaces,
         link: float,
         elevation_gain: np.ndarray,
-        seed: int,
     ) -> None:
         """Load the tables.
 
@@ -162,14 +277,11 @@ class BounceSampler:
             surfaces: Scattering of the materials.
             link: Pt lambda^2 G0^2 / ((4 pi)^2 L) [W m^2].
             elevation_gain: One-way elevation gain at even steps of the angle from -pi/2 to pi/2.
-            seed: Decides speckle and texture.
         """
         self._surfaces = surfaces
         self._link = link
         self._elevation = mi.Float(elevation_gain.astype(np.float32))
         self._steps = len(elevation_gain) - 1
-        self._seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
-        self._texture = Texture()
 
     def _gain_towards(self, direction: "mi.Vector3f", axis: "mi.Vector3f", active: "mi.Bool") -> "mi.Float":
         """Return the one-way elevation gain of unit directions, looked up in even steps of the angle."""
@@ -185,27 +297,8 @@ class BounceSampler:
         )
         return cosine, power, self._surfaces.mirror_share(hits.material, cosine, hits.active)
 
-    def _speckled(
-        self, rays: RayBatch, hits: Hits, mean_rays: "mi.Float"
-    ) -> "tuple[mi.Float64, mi.Float, mi.Float]":
-        """Return the distance from the hit to the patch's scatterer along the ray [m], and its reflectivity.
-
-        Rays that meet one patch add in phase: k rays where k' are expected give k^2 times the power of one,
-        so the reflectivity is reduced by E[k^2] / k' = k' + variance / k'. The rays are stratified, so that
-        variance / k' is close to 1 / (1 + k' / 2), as a test counts on drawn sets.
-        """
-        step = patch_step(mean_rays)
-        key = patch_key(hits.local, step, hits.owner, self._seed)
-        real, imag = reflectivity(key)
-        mean_rays *= dr.square(mi.Float(step))
-        scale = 1 / dr.sqrt(mean_rays + 1 / (1 + mean_rays / 2))
-        scale *= self._texture.amplitude(hits.material, hits.local, hits.owner, self._seed, hits.active)
-        offset = rotated_about_z(scatterer_offset(hits.local, step, key), hits.cosine, hits.sine)
-        flat = offset - hits.normal * dr.dot(offset, hits.normal)
-        return dr.dot(flat, rays.direction), real * scale, imag * scale
-
-    def same_path_returns(self, rays: RayBatch, hits: Hits, *, depth: int) -> ReturnPaths:
-        """Return the paths that return along their outward path: direct at depth 1, mirror ghosts beyond.
+    def same_path_returns(self, rays: RayBatch, hits: Hits, *, depth: int) -> RayReturns:
+        """Return the power that returns along their outward path: direct at depth 1, mirror ghosts beyond.
 
         Args:
             rays: Rays (N) that met something.
@@ -213,7 +306,7 @@ class BounceSampler:
             depth: Number of surfaces on the outward path.
 
         Returns:
-            Return paths (N) of bounce order 2 depth - 1.
+            Returns (N) of bounce order 2 depth - 1.
         """
         cosine, power, share = self._reflected(rays, hits)
         length = rays.travelled + hits.distance
@@ -224,21 +317,12 @@ class BounceSampler:
         length32 = mi.Float(length)
         received = self._link * dr.square(rays.gain * rays.weight) * power * brdf * cosine
         received /= dr.square(length32) * rays.density
-        mean_rays = rays.density * (PATCH_M * PATCH_M) * cosine / dr.square(length32)
-        beyond, real, imag = self._speckled(rays, hits, mean_rays)
-        point = rays.start + rays.heading * (length + beyond)
-        return ReturnPaths(
+        point = rays.start + rays.heading * length
+        return RayReturns(
             out=point,
             back=point,
             power=dr.select(hits.active & ~rays.only_targets, received, 0),
-            real=real,
-            imag=imag,
             drift=rays.drift + dr.dot(hits.velocity, mi.Vector3f(rays.direction)),
-            azimuth=rays.azimuth,
-            number=rays.number,
-            material=hits.material,
-            instance=hits.instance,
-            moving=rays.moved | (hits.owner != 0),
             bounces=2 * depth - 1,
         )
 
@@ -251,8 +335,8 @@ class BounceSampler:
         *,
         mirrored: "mi.Bool",
         depth: int,
-    ) -> ReturnPaths:
-        """Return the paths that lead from the last surface straight back to the antenna.
+    ) -> RayReturns:
+        """Return the power that comes from the last surface straight back to the antenna.
 
         The diffuse part of the last surface returns as much around the loop in the other direction, in phase:
         twice the amplitude. The reversed path of its mirror part is another ray.
@@ -266,7 +350,7 @@ class BounceSampler:
             depth: Number of surfaces on the outward path.
 
         Returns:
-            Return paths (N) of bounce order `depth`; whether the last leg is free is not in them.
+            Returns (N) of bounce order `depth`; whether the last leg is free is not in them.
         """
         cosine, power, share = self._reflected(rays, hits)
         home = antenna - hits.point
@@ -285,21 +369,12 @@ class BounceSampler:
         gains = rays.gain * self._gain_towards(mi.Vector3f(-towards), axis, active)
         received = self._link * gains * rays.weight * power * brdf * cos_out
         received /= dr.square(mi.Float(length)) * rays.density
-        mean_rays = rays.density * (PATCH_M * PATCH_M) * cosine / dr.square(mi.Float(unfolded))
-        _, real, imag = self._speckled(rays, hits, mean_rays)
         away = mi.Vector3f(rays.direction - towards) * 0.5
-        return ReturnPaths(
+        return RayReturns(
             out=rays.start + rays.heading * unfolded,
             back=mi.Point3d(hits.point),
             power=dr.select(active & ~rays.only_targets, received, 0),
-            real=real,
-            imag=imag,
             drift=rays.drift * 0.5 + dr.dot(hits.velocity, away),
-            azimuth=rays.azimuth,
-            number=rays.number,
-            material=hits.material,
-            instance=hits.instance,
-            moving=rays.moved | (hits.owner != 0),
             bounces=depth,
         )
 
@@ -317,6 +392,8 @@ class BounceSampler:
         onward = rays.direction - 2 * dr.dot(rays.direction, hits.normal) * hits.normal
         direction = _unit(onward)
         swept = dr.dot(hits.velocity, mi.Vector3f(rays.direction - direction))
+        normal = mi.Vector3f(hits.normal)
+        across = 2 * mi.Vector3f(rays.unfolded(normal))
         return RayBatch(
             origin=mi.Point3d(hits.point + hits.normal * _SKIN_M),
             direction=direction,
@@ -331,4 +408,9 @@ class BounceSampler:
             start=rays.start,
             heading=rays.heading,
             only_targets=rays.only_targets,
+            chain=hash32(rays.chain ^ hits.instance),
+            planes=hash32(rays.planes ^ _plane_key(hits)),
+            unfold_x=rays.unfold_x - across * normal.x,
+            unfold_y=rays.unfold_y - across * normal.y,
+            unfold_z=rays.unfold_z - across * normal.z,
         )

@@ -40,6 +40,7 @@ class Hits:
         sine: Sine of the same angle, double.
         owner: Tells apart the speckle lattices of moving objects; 0 for all that is at rest.
         velocity: Velocity of the surface at the point [m/s].
+        width: Width of a slender metal facet, at which rays are aimed; 0 for all others [m].
     """
 
     active: "mi.Bool"
@@ -55,6 +56,7 @@ class Hits:
     sine: "mi.Float64"
     owner: "mi.UInt32"
     velocity: "mi.Vector3f"
+    width: "mi.Float"
 
 
 class RayScene:
@@ -164,6 +166,23 @@ class RayScene:
             dr.gather(mi.Float64, self._sin, index, active),
         )
 
+    def mover_points(
+        self, point: "mi.Vector3d", mover: "mi.UInt32", azimuth: "mi.UInt32"
+    ) -> "tuple[mi.Point3d, mi.Float64, mi.Float64]":
+        """Return points of moving objects in the world at given azimuths.
+
+        Args:
+            point: Points in the frames of the objects (N) [m].
+            mover: Numbers of the moving objects in reach (N).
+            azimuth: Azimuths (N).
+
+        Returns:
+            The points (N) [m], cosine and sine of the angle that rotates each frame into the world (N).
+        """
+        active = dr.full(mi.Bool, True, dr.width(azimuth))
+        position, cosine, sine = self._mover_frame(mover, azimuth, active)
+        return mi.Point3d(position + rotated_about_z(point, cosine, sine)), cosine, sine
+
     def _nearest_mover(
         self,
         origin: "mi.Point3d",
@@ -267,6 +286,7 @@ class RayScene:
             sine=dr.select(moving, sine, 0.0),
             owner=dr.select(moving, hash32(instance), 0),
             velocity=self._velocity_at(mi.Vector3f(point - position), mover, azimuth, moving),
+            width=dr.gather(mi.Float, scene.face_width, face, valid) * mi.Float(scale),
         )
 
     def _curved(self, curved: "mi.UInt32", across: "mi.Vector3f") -> "tuple[mi.Vector3d, list[mi.Vector3f]]":

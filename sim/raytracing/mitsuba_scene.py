@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.materials import MATERIAL_NAMES
 from echoscape.scenes.core.scene import CLASSES, Mesh, Mover, Prototype, Scene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
+from echoscape.sim.raytracing.slender_facets import MATERIAL as SLENDER_MATERIAL
+from echoscape.sim.raytracing.slender_facets import facet_widths, is_slender
 
 SHAPE_SPACING_M = 50.0
 """Distance between the shapes of moving objects in their Mitsuba scene; no object is as long."""
@@ -26,6 +28,7 @@ class _Faces:
     The normal of a curved face is proportional to n + M (p - corner) at a point p (Phong, Comm. ACM 18(6),
     1975: linear between the normals at its corners). `bend` holds the rows of (n, M) of the C curved faces
     (C, 12) float32; `curved` has the row of each face in it counted from 1, 0 for flat faces (F,) uint32.
+    `width_m` is the width of slender metal facets, at which rays are aimed, 0 for others (F,) float32.
     """
 
     corner: NDArray[np.float32]
@@ -34,6 +37,7 @@ class _Faces:
     instance: NDArray[np.uint32]
     curved: NDArray[np.uint32]
     bend: NDArray[np.float32]
+    width_m: NDArray[np.float32]
 
 
 def _faces(mesh: Mesh, material: int, instance: NDArray[np.uint32] | None = None) -> _Faces:
@@ -50,7 +54,15 @@ def _faces(mesh: Mesh, material: int, instance: NDArray[np.uint32] | None = None
         instance=np.zeros(len(mesh.faces), np.uint32) if instance is None else instance.astype(np.uint32),
         curved=curved,
         bend=bend,
+        width_m=_widths(mesh, corners, material),
     )
+
+
+def _widths(mesh: Mesh, corners: NDArray[np.float64], material: int) -> NDArray[np.float32]:
+    """Return the widths of faces that rays are aimed at, 0 for the others (F,) [m]."""
+    if MATERIAL_NAMES[material] != SLENDER_MATERIAL:
+        return np.zeros(len(corners), np.float32)
+    return np.where(is_slender(mesh, corners), facet_widths(corners), 0).astype(np.float32)
 
 
 def _curvature(
@@ -102,6 +114,7 @@ def _concatenate(tables: Sequence[_Faces]) -> _Faces:
         instance=np.concatenate([table.instance for table in tables]),
         curved=_concatenated_rows(tables),
         bend=np.concatenate([table.bend for table in tables]),
+        width_m=np.concatenate([table.width_m for table in tables]),
     )
 
 
@@ -130,6 +143,7 @@ class MitsubaScene:
     """A scene and the shapes of its moving objects in the ray tracer.
 
     Attributes:
+        at_rest: The scene that was loaded.
         static: Mitsuba scene of all that is at rest.
         mover_shapes: Mitsuba scene of the shapes of the moving objects.
         mover_shape_offset: Where each shape stands in it, by name of the prototype (3,) [m].
@@ -138,6 +152,7 @@ class MitsubaScene:
         face_material: Material id of each face (F,).
         face_instance: Instance id of each face (F,), 0 where a placement gives it.
         face_curved: Row of each face in `bend` counted from 1 (F,), 0 for flat faces.
+        face_width: Width of the faces that rays are aimed at, 0 for all others (F,) [m].
         bend: Normal of each curved face as a linear function of place, see `_Faces` (12 (C + 1),).
         shape_face: First face of each static mesh, by its Dr.Jit id.
         mover_shape_face: First face of the shapes of moving objects.
@@ -155,6 +170,7 @@ class MitsubaScene:
             movers: All moving objects.
         """
         tables: list[_Faces] = []
+        self.at_rest = scene
         self._face_count = 0
         self.static = self._load_static(scene, tables)
         shapes = {mover.prototype.name: mover.prototype for mover in movers}
@@ -165,6 +181,7 @@ class MitsubaScene:
         self.face_material = mi.UInt32(table.material)
         self.face_instance = mi.UInt32(table.instance)
         self.face_curved = mi.UInt32(table.curved)
+        self.face_width = mi.Float(table.width_m)
         self.bend = mi.Float(np.vstack([np.zeros((1, 12), np.float32), table.bend]).ravel())
 
     def _add(self, tables: list[_Faces], table: _Faces) -> int:

@@ -1,8 +1,8 @@
-"""Directions of the primary rays: stratified, drawn from the antenna pattern, the same in every scan.
+"""Directions of the primary rays: a digital net in each azimuth, the same in every scan.
 
-The rays of an azimuth are drawn from its two-way pattern. A hit serves every azimuth whose beam covers it, so
-the rays of all azimuths are one sample of the sum of their densities (Veach 1997, multiple-sample balance
-heuristic): the weight of a return in an azimuth is the gain of that azimuth over the summed density.
+A hit serves every azimuth whose beam covers it. The density of the rays is even in azimuth, and in elevation
+follows the antenna and level ground; the weight of a return in an azimuth is the gain of that azimuth over the
+density (importance sampling).
 """
 
 import math
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.raytracing.bounces import RayBatch
+from echoscape.sim.raytracing.bounces import RayBatch, primary_batch
 from echoscape.sim.raytracing.intersection import Hits
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.scan_state import PoseTables
@@ -22,10 +22,10 @@ RAYS_STAGE = 300
 """Number of the random stage of ray directions; those of scenes/ are smaller."""
 _BEAM_DEG = (-6.0, 4.0)
 """Elevations between which a hit counts as the first obstacle of an azimuth."""
-WIDE_SHARE = 0.25
+WIDE_SHARE = 0.12
 """Share of rays drawn in elevation from the one-way pattern, which is broader: for high facades, and for
 paths that leave and return in different directions."""
-GROUND_SHARE = 0.3
+GROUND_SHARE = 0.2
 """Share of rays drawn so that they would meet level ground evenly in range: near ground spreads over hundreds
 of range bins within a few degrees where the pattern is weak, and its speckle needs rays in each. The other
 rays follow the two-way pattern."""
@@ -81,71 +81,56 @@ def _evenly_over_ground(antenna: Antenna) -> NDArray[np.float64]:
     return np.divide(1.0, np.sin(below) ** 2, out=np.zeros_like(below), where=within)
 
 
-_OVERLAP_AZIMUTHS = 60
-"""Azimuths whose beam lies farther from a ray than this add nothing of note to its density."""
-
-
-def _azimuth_density(
-    antenna: Antenna, rays: int, azimuth: NDArray[np.uint32], offset: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return rays per radian of all azimuths together, at `offset` (N,) [rad] from `azimuth` (N,).
-
-    The first and the last azimuth do not overlap: a revolution lies between them, and the car has moved on.
-    """
-    grid, azimuths = antenna.azimuth_grid_rad, antenna.sensor.azimuths
-    single = antenna.azimuth_two_way / np.trapezoid(antenna.azimuth_two_way, grid)
-    spacing = 2 * math.pi / azimuths
-    total = np.zeros(len(azimuth))
-    nearest = azimuth.astype(np.int64) + np.rint(offset / spacing).astype(np.int64)
-    aside = offset - (nearest - azimuth) * spacing
-    for step in range(-_OVERLAP_AZIMUTHS, _OVERLAP_AZIMUTHS + 1):
-        there = (nearest + step >= 0) & (nearest + step < azimuths)
-        total += there * np.interp(aside - step * spacing, grid, single)
-    # A ray of a far sidelobe that points across the seam has the density of its own azimuth alone.
-    alone = np.abs(nearest - azimuth) > _OVERLAP_AZIMUTHS
-    total[alone] += np.interp(offset[alone], grid, single)
-    return rays * total
+MARGIN_AZIMUTHS = 4
+"""Azimuths by which the directions go on before the first and after the last azimuth, at the times of these: what
+lies across the seam of the scan is within their main lobes."""
 
 
 def draw_directions(antenna: Antenna, *, rays: int, rng: np.random.Generator) -> Directions:
-    """Draw directions for every azimuth, stratified in azimuth and elevation.
+    """Draw directions, even in azimuth, and in elevation as the antenna sees them.
+
+    Those of an azimuth are a digital net: of its 2^m rays, one lies in each of the 2^m boxes of every shape 2^-k x
+    2^(k - m) (Niederreiter 1992, ch. 4; Hammersley's points, their digits shifted at random).
 
     Args:
         antenna: The antenna patterns.
-        rays: Number of rays per azimuth, a square number of 16 or more.
+        rays: Number of rays per azimuth, a power of two from 16.
         rng: Draws the directions.
 
     Returns:
-        Directions (azimuths x rays).
+        Directions ((azimuths + 2 x margin) x rays).
 
     Raises:
-        ValueError: `rays` is not a square number of 16 or more.
+        ValueError: `rays` is not a power of two from 16.
     """
-    side = math.isqrt(max(rays, 0))
-    if side * side != rays or side < 4:
-        raise ValueError(f"rays must be a square number of 16 or more, got {rays}")
-    azimuths = antenna.sensor.azimuths
-    azimuth = np.repeat(np.arange(azimuths, dtype=np.uint32), rays)
-    # Multi-jittered strata: even in each angle alone and in both together.
-    i, j = np.divmod(np.tile(np.arange(rays), azimuths), side)
-    u = (i + (_shuffled(azimuths, side, rng=rng)[azimuth, j] + rng.random(azimuth.size)) / side) / side
-    v = (j + (_shuffled(azimuths, side, rng=rng)[azimuth, i] + rng.random(azimuth.size)) / side) / side
-    offset = np.interp(u, _cumulative(antenna.azimuth_two_way), antenna.azimuth_grid_rad)
+    if rays < 16 or rays & (rays - 1):
+        raise ValueError(f"rays must be a power of two from 16, got {rays}")
+    sensor = antenna.sensor
+    position = np.arange(-MARGIN_AZIMUTHS, sensor.azimuths + MARGIN_AZIMUTHS)
+    shape = (len(position), rays)
+    number = np.arange(rays)
+    shift = rng.integers(rays, size=(2, len(position), 1))
+    u = ((number ^ shift[0]) + rng.random(shape)) / rays
+    v = ((_reversed_bits(rays) ^ shift[1]) + rng.random(shape)) / rays
+    azimuth_rad = sensor.first_azimuth_rad + (position[:, None] + u - 0.5) * sensor.azimuth_step_rad
     elevation_density = _elevation_density(antenna)
-    elevation = np.interp(v, _cumulative(elevation_density), antenna.elevation_grid_rad)
-    in_azimuth = _azimuth_density(antenna, rays, azimuth, offset)
+    elevation = np.interp(v.ravel(), _cumulative(elevation_density), antenna.elevation_grid_rad)
     in_elevation = np.interp(elevation, antenna.elevation_grid_rad, elevation_density)
+    azimuth = np.clip(position, 0, sensor.azimuths - 1).astype(np.uint32)
     return Directions(
-        azimuth=azimuth,
-        azimuth_rad=(antenna.sensor.azimuth_rad[azimuth] + offset) % (2 * math.pi),
+        azimuth=np.repeat(azimuth, rays),
+        azimuth_rad=azimuth_rad.ravel() % (2 * math.pi),
         elevation_rad=elevation,
-        density=in_azimuth * in_elevation / np.cos(elevation),
+        density=rays / sensor.azimuth_step_rad * in_elevation / np.cos(elevation),
     )
 
 
-def _shuffled(count: int, side: int, *, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return `count` independent permutations of 0..side-1 (count, side)."""
-    return np.argsort(rng.random((count, side)), axis=1)
+def _reversed_bits(count: int) -> NDArray[np.int64]:
+    """Return the numbers below `count`, a power of two, with their binary digits in reverse order."""
+    reverse = np.zeros(1, np.int64)
+    while len(reverse) < count:
+        reverse = np.concatenate([2 * reverse, 2 * reverse + 1])
+    return reverse
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,16 +149,17 @@ class PrimaryHits:
 class PrimaryRays:
     """The directions of the primary rays of a sensor, which are the same in every scan."""
 
-    def __init__(self, sensor: Sensor, antenna: Antenna, *, rays: int, seed: int) -> None:
+    def __init__(self, sensor: Sensor, antenna: Antenna, *, rays: int, seed: int, draw: int = 0) -> None:
         """Draw the directions.
 
         Args:
             sensor: The radar.
             antenna: Its patterns.
-            rays: Number of rays per azimuth, a square number.
-            seed: Decides the directions.
+            rays: Number of rays per azimuth, a power of two.
+            seed: Decides the directions, with `draw`.
+            draw: Number of the draw, from 0.
         """
-        rng = np.random.default_rng(np.random.SeedSequence([seed, RAYS_STAGE]))
+        rng = np.random.default_rng(np.random.SeedSequence([seed, RAYS_STAGE, draw]))
         drawn = draw_directions(antenna, rays=rays, rng=rng)
         elevation = drawn.elevation_rad + math.radians(sensor.mount_tilt_deg)
         self._azimuths, self._rays = sensor.azimuths, rays
@@ -202,22 +188,31 @@ class PrimaryRays:
         azimuth = self._azimuth
         origin = mi.Point3d(dr.gather(mi.Vector3d, poses.position, azimuth))
         direction = poses.in_world(mi.Vector3d(self._forward, self._right, self._up), azimuth)
-        count = dr.width(azimuth)
-        return RayBatch(
+        return primary_batch(
             origin=origin,
             direction=direction,
-            travelled=dr.zeros(mi.Float64, count),
-            weight=dr.full(mi.Float, 1, count),
             azimuth=azimuth,
-            number=dr.arange(mi.UInt32, count),
+            number=dr.arange(mi.UInt32, dr.width(azimuth)),
             density=self._density,
             gain=self._gain,
-            drift=dr.zeros(mi.Float, count),
-            moved=dr.zeros(mi.Bool, count),
-            start=origin,
-            heading=direction,
-            only_targets=dr.full(mi.Bool, True, count),
         )
+
+    def inside(self, number: "mi.UInt32") -> "mi.Bool":
+        """Return which rays point to their own side of the seam between the scan's last azimuth and its first.
+
+        Args:
+            number: Numbers of rays (N).
+
+        Returns:
+            False for those of the margins (N).
+        """
+        margin = MARGIN_AZIMUTHS * self._rays
+        return (number >= margin) & (number < margin + self._azimuths * self._rays)
+
+    @property
+    def count(self) -> int:
+        """Number of rays of a scan."""
+        return dr.width(self._azimuth)
 
     def first_obstacle_m(self, hits: Hits, *, obstacle: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Return the distance of the first obstacle in the main beam of each azimuth.
@@ -250,7 +245,8 @@ class PrimaryRays:
         """
         distance_m = np.where(hits.active.numpy(), hits.distance.numpy(), np.inf)
         weight = np.square(self._gain.numpy().astype(np.float64)) / self._density.numpy()
-        weight /= np.repeat(weight.reshape(self._azimuths, -1).sum(axis=1), self._rays)
-        cell = self._azimuth.numpy() * np.int64(len(edges_m) + 1) + np.searchsorted(edges_m, distance_m)
+        azimuth = self._azimuth.numpy()
+        weight /= np.bincount(azimuth, weight, self._azimuths)[azimuth]
+        cell = azimuth * np.int64(len(edges_m) + 1) + np.searchsorted(edges_m, distance_m)
         ended = np.bincount(cell, weight, self._azimuths * (len(edges_m) + 1)).reshape(self._azimuths, -1)
         return np.clip(1 - np.cumsum(ended, axis=1)[:, :-1], 0, 1).astype(np.float32)

@@ -11,14 +11,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.scenes.core.scene import CLASSES
+from echoscape.scenes.core.scene import CLASSES, Scene
 from echoscape.scenes.core.targets import PlacedTarget
 from echoscape.sim.echoes import Echoes, Returns
+from echoscape.sim.raytracing.aimed_rays import SlenderFacets, aimed_share
 from echoscape.sim.raytracing.beam_weighting import BeamEchoes, BeamWeighting
-from echoscape.sim.raytracing.bounces import BounceSampler, RayBatch, ReturnPaths, picked
+from echoscape.sim.raytracing.bounces import BounceSampler, RayBatch, RayReturns, ReturnPaths, joined, picked
 from echoscape.sim.raytracing.displacement import Tolerance, displaced, tolerance
 from echoscape.sim.raytracing.intersection import Hits, RayScene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
+from echoscape.sim.raytracing.patches import PatchSums
 from echoscape.sim.raytracing.ray_sampling import PrimaryHits, PrimaryRays
 from echoscape.sim.raytracing.scan_state import ScanState
 from echoscape.sim.raytracing.surface.scattering import Surfaces
@@ -33,6 +35,8 @@ from echoscape.sim.settings.tracing import TraceSettings
 
 EXPECTED_BRDF = 0.3
 """BRDF [1/sr] of a rough wall at normal incidence: what a reflected ray is assumed to meet next."""
+SAMPLES_BELOW = 8.0
+"""A sample of a patch may be this much weaker than the weakest echo: many make one."""
 LEAST_CHANCE = 0.1
 """A reflected ray is kept at least this often: it may meet a glint, which is a thousand times stronger."""
 GROUND_CLASSES = tuple(CLASSES.index(name) for name in ("none", "ground", "road", "pavement", "kerb"))
@@ -51,6 +55,7 @@ class Tracer:
         seed: int,
         surfaces: SurfaceSettings | None = None,
         mirrors: MirrorFaces | None = None,
+        at_rest: Scene | None = None,
     ) -> None:
         """Draw the primary rays and tabulate patterns and scattering.
 
@@ -63,11 +68,13 @@ class Tracer:
             seed: Decides ray directions, speckle and texture.
             surfaces: Changes to the roughness of the materials.
             mirrors: Faces in which coherent targets may be seen; None is none.
+            at_rest: All that is at rest, at whose slender metal facets rays are aimed; None is nothing.
         """
         self._sensor = sensor
         self._settings = settings
+        self._draw = dr.opaque(mi.UInt32, settings.draw & 0xFFFFFFFF)
         self.antenna = antenna = Antenna(sensor)
-        self._primary = PrimaryRays(sensor, antenna, rays=settings.rays, seed=seed)
+        self._primary = PrimaryRays(sensor, antenna, rays=settings.rays, seed=seed, draw=settings.draw)
         elevation = np.linspace(-math.pi / 2, math.pi / 2, len(antenna.elevation_grid_rad))
         gain = np.interp(
             elevation - math.radians(sensor.mount_tilt_deg),
@@ -78,13 +85,16 @@ class Tracer:
             surfaces=Surfaces(sensor.carrier_hz, sensor.wavelength_m, surfaces),
             link=link_w_m2(sensor),
             elevation_gain=gain,
-            seed=seed,
         )
         floor_units = sensor.noise_units * 10 ** (settings.floor_db / 10)
         self._floor_w = (
             floor_units / units_per_watt(sensor) / 10 ** (max(y for _, y in sensor.range_gain_db) / 10)
         )
         self._beam = BeamWeighting(sensor, antenna, floor_w=self._floor_w)
+        self._patches = PatchSums(azimuths=sensor.azimuths, least_w=self._floor_w / SAMPLES_BELOW, seed=seed)
+        self._slender = None
+        if at_rest:
+            self._slender = SlenderFacets(at_rest, sensor, antenna, seed=seed, draw=settings.draw)
         self._tolerance = tolerance(sensor, antenna)
         self._obstacle = ~np.isin(instance_class, GROUND_CLASSES)
         self._targets = TargetEchoes(
@@ -129,13 +139,16 @@ class Tracer:
             rays.only_targets = from_targets & dr.gather(mi.Bool, self._coherent, hits.instance)
             dr.eval(rays, hits)
             heard = self._heard(hits)
-            met.append(_Met(rays.number.numpy(), hits.instance.numpy(), hits.point.numpy()))
-            if 2 * depth - 1 <= max_bounces:
-                direct = self._bounces.same_path_returns(rays, heard, depth=depth)
-                received.append(self._beam.echoes(direct, state.pose_tables))
-            if depth > 1:
-                loops = self._free_loops(state, rays, heard, from_targets, depth=depth)
-                received.append(self._beam.echoes(loops, state.pose_tables) if loops else None)
+            if depth == 1:
+                seen, surfaces = self._with_aimed(state, rays, heard)
+                met.append(_Met.of(seen, surfaces))
+                received.append(self._direct_echoes(state, seen, surfaces))
+            else:
+                met.append(_Met.of(rays, hits))
+                if 2 * depth - 1 <= max_bounces:
+                    mirrored = self._bounces.same_path_returns(rays, heard, depth=depth)
+                    received.append(self._patch_echoes(state, mirrored, rays, heard))
+                received.append(self._loop_echoes(state, rays, heard, from_targets, depth=depth))
             if depth < max_bounces:
                 onward = self._reflected(rays, hits, depth=depth)
                 if onward is None:
@@ -173,10 +186,45 @@ class Tracer:
             return hits
         return replace(hits, active=hits.active & ~dr.gather(mi.Bool, self._coherent, hits.instance))
 
-    def _free_loops(
+    def _with_aimed(self, state: ScanState, rays: RayBatch, hits: Hits) -> tuple[RayBatch, Hits]:
+        """Add the rays that meet the slender facets that they were aimed at."""
+        aimed = None
+        if self._slender:
+            aimed = self._slender.aimed_rays(state, first_number=self._primary.count)
+        if aimed is None:
+            return rays, hits
+        found = self._intersect(state.ray_scene, aimed.rays)
+        met = found.active & (dr.abs(found.distance - aimed.range_m) < 1e-3) & (found.width > 0)
+        index = dr.compress(met)
+        if len(index) == 0:
+            return rays, hits
+        aimed_rays, found = picked(aimed.rays, index), picked(found, index)
+        aimed_rays.only_targets = dr.gather(mi.Bool, self._coherent, found.instance)
+        dr.eval(aimed_rays)
+        return joined(rays, aimed_rays), joined(hits, found)
+
+    def _direct_echoes(
+        self, state: ScanState, rays: RayBatch, hits: Hits
+    ) -> tuple[ReturnPaths, BeamEchoes] | None:
+        """Return the direct echoes; where rays are aimed at what a ray met, it counts for the rest only."""
+        direct = self._bounces.same_path_returns(rays, hits, depth=1)
+        cosine = dr.abs(mi.Float(dr.dot(hits.normal, rays.direction)))
+        share = aimed_share(hits.width, mi.Float(hits.distance), cosine)
+        direct.power = direct.power * dr.select(self._primary.inside(rays.number), 1 - share, 1)
+        return self._patch_echoes(state, direct, rays, hits)
+
+    def _patch_echoes(
+        self, state: ScanState, found: RayReturns, rays: RayBatch, hits: Hits
+    ) -> tuple[ReturnPaths, BeamEchoes] | None:
+        """Sum what rays return by patch of surface, and return the echoes of the patches."""
+        antenna = mi.Point3d(dr.gather(mi.Vector3d, state.pose_tables.position, rays.azimuth))
+        paths = self._patches.paths(found, rays, hits, antenna)
+        return self._beam.echoes(paths, state.pose_tables) if paths else None
+
+    def _loop_echoes(
         self, state: ScanState, rays: RayBatch, hits: Hits, from_targets: "mi.Bool", *, depth: int
-    ) -> ReturnPaths | None:
-        """Return the loops above the floor whose last leg is free, None where there are none.
+    ) -> tuple[ReturnPaths, BeamEchoes] | None:
+        """Return the echoes of loops above the floor whose last leg is free, None where there are none.
 
         Where rays come from coherent targets alone (`from_targets`), the mirror part of the last surface is
         in the phase sums of these targets.
@@ -186,24 +234,24 @@ class Tracer:
         loops = self._bounces.loop_returns(
             rays, hits, antenna, poses.axis(rays.azimuth), mirrored=~from_targets, depth=depth
         )
-        strong = loops.power * self._beam.largest_loop_gain(loops, poses) > self._floor_w
+        gain = self._beam.largest_loop_gain(loops, rays.azimuth, poses)
+        strong = loops.power * gain * SAMPLES_BELOW > self._floor_w
         start = hits.point + hits.normal * 1e-3
         dr.eval(loops, strong, start, antenna)
         index = dr.compress(strong)
         if len(index) == 0:
             return None
-        loops, start, antenna = (
-            picked(loops, index),
-            dr.gather(type(start), start, index),
-            dr.gather(type(antenna), antenna, index),
-        )
+        loops, rays, hits = picked(loops, index), picked(rays, index), picked(hits, index)
+        start, antenna = (dr.gather(type(each), each, index) for each in (start, antenna))
         home = antenna - start
         length = dr.norm(home)
         active = dr.full(mi.Bool, True, len(index))
-        hidden = state.ray_scene.occluded(start, home / length, loops.azimuth, mi.Float(length), active)
+        hidden = state.ray_scene.occluded(start, home / length, rays.azimuth, mi.Float(length), active)
         dr.eval(loops, hidden)
         index = dr.compress(~hidden)
-        return picked(loops, index) if len(index) else None
+        if len(index) == 0:
+            return None
+        return self._patch_echoes(state, picked(loops, index), picked(rays, index), picked(hits, index))
 
     def _reflected(self, rays: RayBatch, hits: Hits, *, depth: int) -> RayBatch | None:
         """Return the reflected rays that are worth following, None where there are none.
@@ -215,7 +263,8 @@ class Tracer:
         likely = link_w_m2(self._sensor) * dr.square(onward.weight * rays.gain) * EXPECTED_BRDF / rays.density
         chance = likely / dr.square(mi.Float(onward.travelled)) / self._floor_w
         chance = dr.select(onward.weight > 1e-6, dr.clip(chance, LEAST_CHANCE, 1), 0)
-        draw = mi.Float(hash32(rays.number ^ (0x51ED270B * depth)) >> 8) * (1.0 / 16777216.0)
+        salt = hash32(mi.UInt32(0x51ED270B * depth) ^ self._draw)
+        draw = mi.Float(hash32(rays.number ^ salt) >> 8) * (1.0 / 16777216.0)
         onward.density = rays.density * chance
         kept = draw < chance
         dr.eval(onward, kept)
@@ -225,11 +274,19 @@ class Tracer:
 
 @dataclass(frozen=True)
 class _Met:
-    """What rays met at one depth: ray numbers (N,), increasing, instances (N,), points (3, N) [m]."""
+    """What rays met at one depth: ray numbers (N,), increasing, instances (N,), points (N) [m]."""
 
     number: NDArray[np.uint32]
     instance: NDArray[np.uint32]
-    point: NDArray[np.float64]
+    point: "mi.Point3d"
+
+    @staticmethod
+    def of(rays: RayBatch, hits: Hits) -> "_Met":
+        return _Met(rays.number.numpy(), hits.instance.numpy(), hits.point)
+
+    def points(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return some of the points (3, K) [m]."""
+        return dr.gather(type(self.point), self.point, mi.UInt32(index.astype(np.uint32))).numpy()
 
 
 def _returns(
@@ -246,7 +303,7 @@ def _returns(
     wrong = np.zeros(count, np.bool_)
     if depth > 1:
         here = antenna.T[:, paths.azimuth.numpy()]
-        points = [each.point[:, index] - here for each, index in zip(met, found, strict=False)]
+        points = [each.points(index) - here for each, index in zip(met, found, strict=False)]
         wrong = displaced(paths.out.numpy() - here, paths.back.numpy() - here, points, allowed)
     return Returns(
         bounces=np.full(count, paths.bounces, np.uint8),

@@ -10,12 +10,17 @@ import math
 
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 
-PATCH_M = 0.05
-"""Edge of the smallest patch [m]."""
-PATCH_STEPS = (1, 2, 4)
-"""Factors by which patches are larger where rays are sparse: a ray then stays in its patch over the length in
-which speckle decorrelates (wavelength / 2 / beam width, some 0.1 m). The largest patches stay below the
-range resolution."""
+PATCH_STEPS: tuple[tuple[float, float], ...] = (
+    (6.0, 0.05),
+    (12.0, 0.1),
+    (25.0, 0.2),
+    (50.0, 0.4),
+    (math.inf, 0.8),
+)
+"""Horizontal edge of a patch [m] up to each range [m]: a few patches across the beam at any range, and each as wide
+as a few rays. Speckle decorrelates over wavelength / 2 / beam width, some 0.1 m, whatever their size."""
+PATCH_HEIGHT = 3.0
+"""Height of a patch over its edge: what lies above each other has nearly the same range."""
 
 _ORIGIN = (0.0137, 0.0211, 0.0173)
 """Lattice offset, so that its planes do not coincide with common ones (z = 0, kerb heights) [m]."""
@@ -44,75 +49,81 @@ def _uniform(bits: "mi.UInt32") -> "mi.Float":
     return (mi.Float(bits >> 8) + 0.5) * (1.0 / 16777216.0)
 
 
-def patch_step(mean_rays: "mi.Float") -> "mi.UInt32":
-    """Return the smallest patch size that a ray is expected in.
+def patch_edge_m(range_m: "mi.Float") -> "mi.Float64":
+    """Return the horizontal edge of the patches at given ranges.
 
     Args:
-        mean_rays: Expected number of rays in a patch of the smallest size (N).
+        range_m: Length of the path out to the patch, unfolded (N) [m].
 
     Returns:
-        Edge over that of the smallest patch (N), one of `PATCH_STEPS`.
+        Edges (N) [m], from `PATCH_STEPS`.
     """
-    return dr.select(
-        mean_rays >= 1,
-        mi.UInt32(PATCH_STEPS[0]),
-        dr.select(mean_rays >= 0.25, PATCH_STEPS[1], PATCH_STEPS[2]),
-    )
+    edge_m = mi.Float64(PATCH_STEPS[-1][1])
+    for until_m, step_m in reversed(PATCH_STEPS[:-1]):
+        edge_m = dr.select(range_m < until_m, step_m, edge_m)
+    return edge_m
 
 
 def _cell(point: "mi.Float64", axis: int, edge_m: "mi.Float64") -> "mi.Float64":
     return dr.floor((point + _ORIGIN[axis]) / edge_m)
 
 
-def lattice_key(point: "mi.Point3d", edge_m: "mi.Float64", salt: "mi.UInt32") -> "mi.UInt32":
+def lattice_key(
+    point: "mi.Point3d", edge_m: "mi.Float64", salt: "mi.UInt32", *, height: float = 1.0
+) -> "mi.UInt32":
     """Return a hash of the lattice cell that a point lies in.
 
     Args:
         point: Points (N) [m].
-        edge_m: Edges of the cells (N) [m].
+        edge_m: Horizontal edges of the cells (N) [m].
         salt: Tells lattices apart (N).
+        height: Height of the cells over their horizontal edge.
 
     Returns:
         Hashes (N).
     """
     key = hash32(salt)
     for axis in range(3):
-        cell = mi.Int32(_cell(point[axis], axis, edge_m))
+        cell = mi.Int32(_cell(point[axis], axis, edge_m * height if axis == 2 else edge_m))
         key = hash32(key ^ dr.reinterpret_array(mi.UInt32, cell))
     return key
 
 
-def patch_key(point: "mi.Point3d", step: "mi.UInt32", owner: "mi.UInt32", seed: "mi.UInt32") -> "mi.UInt32":
+def patch_key(
+    point: "mi.Point3d", edge_m: "mi.Float64", owner: "mi.UInt32", seed: "mi.UInt32"
+) -> "mi.UInt32":
     """Return a hash of the patch that a point lies in.
 
     Args:
         point: Points (N) [m].
-        step: Patch sizes (N), from `patch_step`.
+        edge_m: Edges of the patches (N) [m], from `patch_edge_m`.
         owner: Tells apart the lattices of moving objects (N).
         seed: Seed of the simulator.
 
     Returns:
         Hashes (N).
     """
-    return lattice_key(point, mi.Float64(step) * PATCH_M, owner ^ seed ^ (step << 24))
+    step = mi.UInt32(edge_m * (1 / PATCH_STEPS[0][1]) + 0.5)
+    return lattice_key(point, edge_m, owner ^ seed ^ (step << 24), height=PATCH_HEIGHT)
 
 
-def scatterer_offset(point: "mi.Point3d", step: "mi.UInt32", key: "mi.UInt32") -> "mi.Vector3d":
+def scatterer_offset(point: "mi.Point3d", edge_m: "mi.Float64", key: "mi.UInt32") -> "mi.Vector3d":
     """Return the vector from a point to the scatterer of its patch.
 
     Args:
         point: Points (N) [m].
-        step: Patch sizes (N).
+        edge_m: Edges of the patches (N) [m].
         key: Hashes of the patches (N).
 
     Returns:
         Vectors in the frame of the lattice (N) [m].
     """
-    offset, bits, edge_m = mi.Vector3d(0), key, mi.Float64(step) * PATCH_M
+    offset, bits = mi.Vector3d(0), key
     for axis in range(3):
         bits = hash32(bits + 0x9E3779B9)
-        cell = _cell(point[axis], axis, edge_m)
-        offset[axis] = (cell + mi.Float64(_uniform(bits))) * edge_m - _ORIGIN[axis] - point[axis]
+        edge = edge_m * PATCH_HEIGHT if axis == 2 else edge_m
+        offset[axis] = (_cell(point[axis], axis, edge) + mi.Float64(_uniform(bits))) * edge
+        offset[axis] -= _ORIGIN[axis] + point[axis]
     return offset
 
 

@@ -1,0 +1,318 @@
+"""Patches: the pieces of surface that scatter as one, and the sum of the power that rays found in each.
+
+Rays are samples of the mean power only. What interferes in a resolution cell are its patches, which are fixed
+in the world: each is one scatterer with a hashed place and a circular complex Gaussian reflectivity (see
+`surface.speckle`), whose power is the sum of what all rays in the patch return. So speckle does not depend on
+which rays were drawn, as long as some of them meet each patch. Where a ray stands for more surface than a
+patch, on ground and on walls seen along, its power is divided evenly over the patches of its footprint.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from echoscape.sim.raytracing.bounces import RayBatch, RayReturns, ReturnPaths, picked
+from echoscape.sim.raytracing.intersection import Hits, rotated_about_z
+from echoscape.sim.raytracing.mitsuba_backend import dr, mi
+from echoscape.sim.raytracing.surface.speckle import (
+    PATCH_HEIGHT,
+    hash32,
+    lattice_key,
+    patch_edge_m,
+    patch_key,
+    reflectivity,
+    scatterer_offset,
+)
+from echoscape.sim.raytracing.surface.texture import Texture
+
+MOST_ACROSS = 4
+MOST_ALONG = 8
+"""Most patches over which a footprint is divided, across and along the elevation of the ray."""
+OVERLAP = 1.5
+"""Edges of a footprint over the distance between rays: where footprints overlap, they leave no patch out."""
+LEAST_SOLID_SR = 3e-5
+"""Solid angle that the surfaces of a ghost must fill, some 0.2 m x 0.2 m at 40 m; larger ones lose as much
+[sr]. No facade is plane and true enough for the chain of mirrors by which a smaller spot returns, and rays meet
+such spots by chance only, so that a ghost by way of them would depend on the draw of rays."""
+LEAST_RAYS = 4
+"""The same as a number of rays, for directions in which rays are few."""
+REGION_M = 2.0
+"""Edge of the cells of the last surface in which rays count for the same ghost [m]."""
+_INDEX_BITS = 26
+"""Lower bits of a sorting key, which number the samples; the other bits hash the patch."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Samples:
+    """K samples of footprints: the ray of each, and its place relative to where the ray met the surface.
+
+    Attributes:
+        ray: Index of the ray (K,).
+        offset: Place in the world relative to the hit (K) [m]; zero where a footprint is not divided.
+        power: Mean received power (K) [W].
+    """
+
+    ray: "mi.UInt32"
+    offset: "mi.Vector3f"
+    power: "mi.Float"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Groups:
+    """Samples summed by patch (P).
+
+    Attributes:
+        first: Index of the first sample of each patch.
+        power: Sum of their powers [W].
+        out: Mean of their images along the first leg, weighted by power, double [m].
+        back: The same along the last leg, double [m]; None where both legs coincide.
+    """
+
+    first: "mi.UInt32"
+    power: "mi.Float"
+    out: "mi.Point3d"
+    back: "mi.Point3d | None"
+
+
+class PatchSums:
+    """Sums what rays return by patch, and gives each patch its speckle."""
+
+    def __init__(self, *, azimuths: int, least_w: float, seed: int) -> None:
+        """Prepare the texture of all materials.
+
+        Args:
+            azimuths: Number of azimuths of a scan.
+            least_w: Power below which a sample, and a patch, is left out [W].
+            seed: Decides speckle and texture.
+        """
+        self._row_rad = 2 * math.pi / azimuths
+        self._middle_azimuth = azimuths // 2
+        self._least_w = least_w
+        self._seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
+        self._texture = Texture()
+
+    def paths(
+        self, found: RayReturns, rays: RayBatch, hits: Hits, antenna: "mi.Point3d"
+    ) -> ReturnPaths | None:
+        """Return the paths of all patches.
+
+        Args:
+            found: What the rays return (N).
+            rays: The rays (N).
+            hits: What they met (N).
+            antenna: Position of the antenna for each ray (N) [m].
+
+        Returns:
+            A path per patch, in no order that matters but the same one always; None where nothing returns.
+        """
+        dr.eval(found.power)
+        index = dr.compress(found.power > self._least_w)
+        if len(index) == 0:
+            return None
+        dr.eval(found, antenna)
+        found, rays, hits = picked(found, index), picked(rays, index), picked(hits, index)
+        antenna = dr.gather(type(antenna), antenna, index)
+        if found.bounces > 1:
+            found.power = found.power * mi.Float(self._supported(rays, hits))
+        samples = self._samples(found, rays, hits)
+        groups = self._groups(samples, found, rays, hits)
+        return self._speckled(groups, samples, found, rays, hits, antenna)
+
+    def _supported(self, rays: RayBatch, hits: Hits) -> NDArray[np.float32]:
+        """Return the share of its power that each ray of a ghost keeps (N,), by the ghost's solid angle."""
+        edge = dr.full(mi.Float64, REGION_M, dr.width(hits.instance))
+        key = lattice_key(hits.local, edge, hash32(hits.instance ^ rays.chain))
+        dr.eval(key)
+        _, region, count = np.unique(key.numpy(), return_inverse=True, return_counts=True)
+        solid_sr = np.bincount(region, 1 / rays.density.numpy().astype(np.float64))
+        share = np.maximum(solid_sr - LEAST_SOLID_SR, 0) / solid_sr
+        share *= np.maximum(count - LEAST_RAYS, 0) / count
+        return share[region].astype(np.float32)
+
+    def _samples(self, found: RayReturns, rays: RayBatch, hits: Hits) -> _Samples:
+        """Divide the footprint of each ray into samples, evenly across and along its elevation."""
+        length = mi.Float(rays.travelled + hits.distance)
+        across, along = _footprint(rays, hits, length, self._row_rad)
+        edge = mi.Float(patch_edge_m(length))
+        wide = dr.maximum(dr.norm(mi.Vector2f(along.x, along.y)), dr.abs(along.z) * (1 / PATCH_HEIGHT))
+        columns = mi.UInt32(dr.clip(dr.ceil(dr.norm(across) / edge), 1, MOST_ACROSS))
+        steps = mi.UInt32(dr.clip(dr.ceil(wide / edge), 1, MOST_ALONG))
+        count = columns * steps
+        dr.eval(across, along, columns, steps, count)
+        counts = count.numpy()
+        ray = np.repeat(np.arange(len(counts), dtype=np.uint32), counts)
+        number = np.arange(len(ray), dtype=np.uint32) - (np.cumsum(counts) - counts).astype(np.uint32)[ray]
+        ray_, number_ = mi.UInt32(ray), mi.UInt32(number)
+        # Lanes beyond the last sample gather zeros, and an integer must not be divided by one.
+        columns_, steps_ = (dr.maximum(dr.gather(mi.UInt32, each, ray_), 1) for each in (columns, steps))
+        column, step = number_ % columns_, number_ // columns_
+        right = (mi.Float(column) + 0.5) / mi.Float(columns_) - 0.5
+        up = (mi.Float(step) + 0.5) / mi.Float(steps_) - 0.5
+        offset = dr.gather(mi.Vector3f, across, ray_) * right + dr.gather(mi.Vector3f, along, ray_) * up
+        power = dr.gather(mi.Float, found.power, ray_) / mi.Float(columns_ * steps_)
+        return _Samples(ray=ray_, offset=offset, power=power)
+
+    def _local(self, samples: _Samples, hits: Hits) -> "mi.Point3d":
+        """Return the samples in the frames of their objects [m]."""
+        cosine, sine = (dr.gather(mi.Float64, value, samples.ray) for value in (hits.cosine, hits.sine))
+        aside = rotated_about_z(mi.Vector3d(samples.offset), cosine, -sine)
+        return dr.gather(mi.Point3d, hits.local, samples.ray) + aside
+
+    def _edge(self, samples: _Samples, rays: RayBatch, hits: Hits) -> "mi.Float64":
+        """Return the edges of the patches that samples belong to [m]."""
+        travelled, distance = (
+            dr.gather(mi.Float64, value, samples.ray) for value in (rays.travelled, hits.distance)
+        )
+        return patch_edge_m(mi.Float(travelled + distance))
+
+    def _images(
+        self, samples: _Samples, found: RayReturns, rays: RayBatch
+    ) -> "tuple[mi.Point3d, mi.Point3d | None]":
+        """Return the images of samples along the first and the last leg [m]."""
+        axes = (
+            dr.gather(mi.Vector3f, axis, samples.ray)
+            for axis in (rays.unfold_x, rays.unfold_y, rays.unfold_z)
+        )
+        x, y, z = axes
+        unfolded = mi.Vector3d(x * samples.offset.x + y * samples.offset.y + z * samples.offset.z)
+        out = mi.Point3d(dr.gather(type(found.out), found.out, samples.ray)) + unfolded
+        if found.back is found.out:
+            return out, None
+        back = mi.Point3d(dr.gather(type(found.back), found.back, samples.ray))
+        return out, back + mi.Vector3d(samples.offset)
+
+    def _groups(self, samples: _Samples, found: RayReturns, rays: RayBatch, hits: Hits) -> _Groups:
+        """Sum samples by patch: equal keys lie side by side once sorted, samples of one patch by number."""
+        edge = self._edge(samples, rays, hits)
+        owner, instance = (dr.gather(mi.UInt32, value, samples.ray) for value in (hits.owner, hits.instance))
+        base = patch_key(self._local(samples, hits), edge, owner, self._seed)
+        path = hash32(instance ^ dr.gather(mi.UInt32, rays.planes, samples.ray))
+        # Both ends of the scan see the same surfaces, a revolution apart.
+        late = mi.UInt32(dr.gather(mi.UInt32, rays.azimuth, samples.ray) >= self._middle_azimuth)
+        high = hash32(base ^ path ^ late)
+        low = hash32(base + 0x9E3779B9 ^ path)
+        key = (mi.UInt64(high) << 32) | (mi.UInt64(low >> _INDEX_BITS) << _INDEX_BITS)
+        key |= mi.UInt64(dr.arange(mi.UInt32, dr.width(high)))
+        out, back = self._images(samples, found, rays)
+        dr.eval(key, out, back, samples.power)
+        keys = np.sort(key.numpy())
+        patch = keys >> np.uint64(_INDEX_BITS)
+        starts = np.flatnonzero(np.concatenate([[True], patch[1:] != patch[:-1]])).astype(np.uint32)
+        counts = np.diff(np.append(starts, np.uint32(len(keys))))
+        order = (keys & np.uint64((1 << _INDEX_BITS) - 1)).astype(np.uint32)
+        return self._summed(samples.power, out, back, order=order, starts=starts, counts=counts)
+
+    def _summed(
+        self,
+        power: "mi.Float",
+        out: "mi.Point3d",
+        back: "mi.Point3d | None",
+        *,
+        order: NDArray[np.uint32],
+        starts: NDArray[np.uint32],
+        counts: NDArray[np.uint32],
+    ) -> _Groups:
+        """Sum powers and mean images of patches, each over its samples in order."""
+        order_, start, count = mi.UInt32(order), mi.UInt32(starts), mi.UInt32(counts)
+        first = dr.gather(mi.UInt32, order_, start)
+        zero = dr.zeros(mi.Float64, len(starts))
+        anchors = [_at(points, first) for points in (out, back) if points is not None]
+
+        def add(step, total, *means):
+            sample = dr.gather(mi.UInt32, order_, start + step)
+            weight = mi.Float64(dr.gather(mi.Float, power, sample))
+            points = [_at(each, sample) for each in (out, back) if each is not None]
+            # Relative to the first of a patch, so that the sums keep the precision of a phase.
+            moved = [
+                mean + (point - anchor) * weight
+                for mean, point, anchor in zip(means, points, anchors, strict=True)
+            ]
+            return step + 1, total + weight, *moved
+
+        state = (dr.zeros(mi.UInt32, len(starts)), zero, *[mi.Vector3d(zero, zero, zero) for _ in anchors])
+        _, total, *sums = dr.while_loop(
+            state=state, cond=lambda step, *_: step < count, body=add, label="patches"
+        )
+        means = [mi.Point3d(anchor + moved / total) for anchor, moved in zip(anchors, sums, strict=True)]
+        dr.eval(first, total, *means)
+        return _Groups(
+            first=first, power=mi.Float(total), out=means[0], back=means[1] if len(means) > 1 else None
+        )
+
+    def _speckled(
+        self,
+        groups: _Groups,
+        samples: _Samples,
+        found: RayReturns,
+        rays: RayBatch,
+        hits: Hits,
+        antenna: "mi.Point3d",
+    ) -> ReturnPaths:
+        """Return the path of each patch, with the phase and the reflectivity of its scatterer."""
+        first = groups.first
+        one = _Samples(
+            ray=dr.gather(mi.UInt32, samples.ray, first),
+            offset=dr.gather(mi.Vector3f, samples.offset, first),
+            power=groups.power,
+        )
+        edge, local = self._edge(one, rays, hits), self._local(one, hits)
+        ray = one.ray
+        owner = dr.gather(mi.UInt32, hits.owner, ray)
+        key = patch_key(local, edge, owner, self._seed)
+        real, imag = reflectivity(key)
+        aside = scatterer_offset(local, edge, key)
+        material = dr.gather(mi.UInt32, hits.material, ray)
+        texture = self._texture.amplitude(
+            material, local + aside, owner, self._seed, dr.full(mi.Bool, True, dr.width(first))
+        )
+        cosine, sine = (dr.gather(mi.Float64, value, ray) for value in (hits.cosine, hits.sine))
+        turned = mi.Vector3f(rotated_about_z(aside, cosine, sine))
+        out, back = groups.out, groups.back
+        scatterer = _Samples(ray=ray, offset=one.offset + turned, power=one.power)
+        scatterer_out, scatterer_back = self._images(scatterer, found, rays)
+        here = dr.gather(mi.Point3d, antenna, ray)
+        beyond = dr.norm(scatterer_out - here) - dr.norm(out - here)
+        if back is not None:
+            beyond = (beyond + dr.norm(scatterer_back - here) - dr.norm(back - here)) * 0.5
+        return ReturnPaths(
+            out=out,
+            back=out if back is None else back,
+            beyond=mi.Float(beyond),
+            power=one.power,
+            real=real * texture,
+            imag=imag * texture,
+            drift=dr.gather(mi.Float, found.drift, ray),
+            azimuth=dr.gather(mi.UInt32, rays.azimuth, ray),
+            number=dr.gather(mi.UInt32, rays.number, ray),
+            material=material,
+            instance=dr.gather(mi.UInt32, hits.instance, ray),
+            moving=dr.gather(mi.Bool, rays.moved, ray) | (owner != 0),
+            bounces=found.bounces,
+        )
+
+
+def _at(points: "mi.Point3d", index: "mi.UInt32") -> "mi.Vector3d":
+    """Return some of the points as vectors."""
+    return mi.Vector3d(dr.gather(type(points), points, index))
+
+
+def _footprint(
+    rays: RayBatch, hits: Hits, length: "mi.Float", row_rad: float
+) -> "tuple[mi.Vector3f, mi.Vector3f]":
+    """Return the surface that each ray stands for, as its edges across and along elevation (N) [m].
+
+    Of all rectangles of the solid angle 1 / density with which a net of rays tiles the sphere, it is the one
+    that makes the footprint on the surface most nearly square.
+    """
+    direction, normal = mi.Vector3f(rays.direction), mi.Vector3f(hits.normal)
+    level = dr.maximum(dr.norm(mi.Vector2f(direction.x, direction.y)), 1e-3)
+    right = mi.Vector3f(direction.y, -direction.x, 0) / level
+    up = dr.cross(right, direction)
+    facing = dr.minimum(dr.dot(direction, normal), -1e-2)
+    across = (right - direction * (dr.dot(right, normal) / facing)) * length
+    along = (up - direction * (dr.dot(up, normal) / facing)) * length
+    ratio = dr.norm(along) / dr.norm(across)
+    azimuth_rad = dr.clip(dr.sqrt(ratio / rays.density), row_rad / 16, row_rad)
+    return across * (OVERLAP * azimuth_rad), along * (OVERLAP / (rays.density * azimuth_rad))
