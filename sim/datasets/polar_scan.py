@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from echoscape.sim.datasets.array_record import ArrayRecord
 from echoscape.sim.datasets.beat_signal import BeatSignal
 
+
 class Component(IntEnum):
     """Source of most of a cell's power."""
 

@@ -132,7 +132,8 @@ class SlenderFacets:
         mover = mi.UInt32(np.repeat(np.arange(len(counts), dtype=np.uint32), counts))
 
         def place(azimuth: "mi.UInt32") -> _Place:
-            point, cosine, sine = state.ray_scene.mover_points(mi.Vector3d(tables.place.point), mover, azimuth)
+            local = mi.Vector3d(tables.place.point)
+            point, cosine, sine = state.ray_scene.mover_points(local, mover, azimuth)
             normal = rotated_about_z(mi.Vector3d(tables.place.normal), cosine, sine)
             return _Place(point, mi.Vector3f(normal))
 

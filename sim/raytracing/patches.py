@@ -34,8 +34,8 @@ OVERLAP = 1.5
 """Edges of a footprint over the distance between rays: where footprints overlap, they leave no patch out."""
 LEAST_SOLID_SR = 3e-5
 """Solid angle that the surfaces of a ghost must fill, some 0.2 m x 0.2 m at 40 m; larger ones lose as much
-[sr]. No facade is plane and true enough for the chain of mirrors by which a smaller spot returns, and rays meet
-such spots by chance only, so that a ghost by way of them would depend on the draw of rays."""
+[sr]. No facade is plane and true enough for the chain of mirrors by which a smaller spot returns, and rays
+meet such spots by chance only, so that a ghost by way of them would depend on the draw of rays."""
 LEAST_RAYS = 4
 """The same as a number of rays, for directions in which rays are few."""
 REGION_M = 2.0

@@ -1,8 +1,8 @@
 """Directions of the primary rays: a digital net in each azimuth, the same in every scan.
 
 A hit serves every azimuth whose beam covers it. The density of the rays is even in azimuth, and in elevation
-follows the antenna and level ground; the weight of a return in an azimuth is the gain of that azimuth over the
-density (importance sampling).
+follows the antenna and level ground; the weight of a return in an azimuth is the gain of that azimuth over
+the density (importance sampling).
 """
 
 import math
@@ -82,15 +82,15 @@ def _evenly_over_ground(antenna: Antenna) -> NDArray[np.float64]:
 
 
 MARGIN_AZIMUTHS = 4
-"""Azimuths by which the directions go on before the first and after the last azimuth, at the times of these: what
-lies across the seam of the scan is within their main lobes."""
+"""Azimuths by which the directions go on before the first and after the last azimuth, at the times of these:
+what lies across the seam of the scan is within their main lobes."""
 
 
 def draw_directions(antenna: Antenna, *, rays: int, rng: np.random.Generator) -> Directions:
     """Draw directions, even in azimuth, and in elevation as the antenna sees them.
 
-    Those of an azimuth are a digital net: of its 2^m rays, one lies in each of the 2^m boxes of every shape 2^-k x
-    2^(k - m) (Niederreiter 1992, ch. 4; Hammersley's points, their digits shifted at random).
+    Those of an azimuth are a digital net: of its 2^m rays, one lies in each of the 2^m boxes of every shape
+    2^-k x 2^(k - m) (Niederreiter 1992, ch. 4; Hammersley's points, their digits shifted at random).
 
     Args:
         antenna: The antenna patterns.
@@ -198,7 +198,7 @@ class PrimaryRays:
         )
 
     def inside(self, number: "mi.UInt32") -> "mi.Bool":
-        """Return which rays point to their own side of the seam between the scan's last azimuth and its first.
+        """Return which rays point to their own side of the seam between the last azimuth and the first.
 
         Args:
             number: Numbers of rays (N).

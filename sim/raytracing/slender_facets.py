@@ -12,7 +12,7 @@ MATERIAL = "metal"
 WIDEST_M = 0.3
 """Facets of this width and more are met by enough rays at any range [m]."""
 PART_M = 0.1
-"""Length of the parts [m]: most of a row of posts is hidden by those in front, so that a facet needs several."""
+"""Length of the parts [m]: most of a row of posts is hidden by those in front, so a facet needs several."""
 LEAST_PARTS = 2
 """Fewest parts of a facet."""
 STEEPEST = 0.9

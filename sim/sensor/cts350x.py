@@ -32,7 +32,7 @@ CTS350X = Sensor(
         (9.0, -35.9),
     ),
     adc_bits=12,  # [cal] no published figure; its quantisation noise stays below the thermal noise
-    full_scale_db=72.0,  # [cal] above the ceiling that compression sets: [M] has no harmonics of clipped walls
+    full_scale_db=72.0,  # [cal] above the ceiling that compression sets: [M] has no harmonics of walls
     compression_dbm=-61.6,  # [cal] to [M] largest code 136: 63.6 dB in the scan, 5.9 dB below the ceiling
     tx_power_w=0.02,  # [cal] 13 dBm, usual for a single-chip 77 GHz transmitter
     antenna_gain_db=35.15,  # directivity of the patterns below

@@ -31,8 +31,8 @@ class Artefacts:
     """Power received outside the beam's main lobe, relative to the physical one [W/W]."""
     saturation: float = 1.0
     """Amplitude in the receiver relative to the one for which it is set [V/V]. Below 1 the input is weakened:
-    compression sets in that much later. Above 1 the gain behind the compressing stage is raised: the converter
-    clips that much earlier, and its steps are that much finer. The CTS350-X clips from 1.3 on."""
+    compression sets in that much later. Above 1 the gain behind the compressing stage is raised: the
+    converter clips that much earlier, and its steps are that much finer. The CTS350-X clips from 1.3 on."""
     phase_noise: float | None = None
     """Phase of the synthesiser, standard deviation [rad]; by default the sensor's own, 0.058 rad for the
     CTS350-X."""
