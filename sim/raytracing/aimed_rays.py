@@ -104,6 +104,8 @@ class SlenderFacets:
 
     def _near(self, state: ScanState) -> "_PartTables | None":
         """Return the parts at rest that may count at some azimuth of the scan, by bounds from its middle."""
+        if self._at_rest.count == 0:
+            return None
         track = state.poses.position
         middle = track[len(track) // 2]
         moved_m = float(np.linalg.norm(track - middle, axis=1).max())
