@@ -52,8 +52,8 @@ The sensor is the CTS350-X at 76.5 GHz (wavelength 3.919 mm) unless a row names 
 peaks, the noise floor, the converter and rain use a sweep without the calibrated amplitude ripple
 (`sweep_ripple_db`), which the row on paired echoes and docs/fidelity.md cover.
 
-Known limits: near ground is sampled by one to three rays per range cell, so that its speckle also depends
-on the choice of rays (coherence of 0.6 to 0.8 after 5 cm of driving; fixed scatterers would keep 0.98).
+Known limits: the power that rays find in a patch of near ground differs between draws of their directions:
+complex cells of two draws correlate by 0.6 to 0.8 there (soil, 6 to 30 m, default rays; 1 without that).
 Expected widths of the windows are those of their cosine sums, 1.44, 1.30 and 1.64 cells at -3 dB (Harris
 1978: 1.44, 1.30).
 
