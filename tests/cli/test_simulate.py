@@ -42,10 +42,11 @@ BAD = {
     "--preset moon": "preset must be one of town, suburb,",
     "--workers 0": "workers must be 1 or more, got 0",
     "--threads 0": "threads must be 1 or more, got 0",
-    "--trace.rays 17": "trace.rays must be a square number",
-    "--trace.rays -1": "trace.rays must be a square number",
+    "--trace.rays 17": "trace.rays must be a power of two",
+    "--trace.rays -1": "trace.rays must be a power of two",
+    "--trace.draw -1": "trace.draw must be 0 or more, got -1",
     "--trace.max-bounces 0": "max_bounces must be between 1 and 9",
-    "--trace.rays 1000000": "trace.rays must be a square number from 16 to 4096, got 1000000",
+    "--trace.rays 1000000": "trace.rays must be a power of two from 16 to 4096, got 1000000",
     "--trace.floor-db nan": "trace.floor_db must be between -60 and 60, got nan",
     "--trace.floor-db 1e9": "trace.floor_db must be between -60 and 60, got 1000000000",
     "--trace.floor-db=-1000": "trace.floor_db must be between -60 and 60, got -1000",
@@ -280,6 +281,21 @@ def test_a_missing_manifest_is_refused_by_name(tmp_path: Path, capsys: pytest.Ca
     assert main(["simulate", str(tmp_path / "set"), "--from", str(tmp_path / "echoscape.json")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert str(tmp_path) in line
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_manifest_of_an_earlier_version_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "old" / "echoscape.json"
+    path.parent.mkdir()
+    path.write_text(manifest_text(manifest(SimulationConfig()) | {"format": 2}))
+    for words in ([str(tmp_path / "set"), "--from", str(path)], [str(path.parent), "--resume"]):
+        assert main(["simulate", *words]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(
+            f"echoscape simulate: {path}: must be of format 3, got 2, written by an earlier"
+        )
     assert not (tmp_path / "set").exists()
 
 
