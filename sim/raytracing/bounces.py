@@ -45,6 +45,7 @@ class RayBatch:
         only_targets: Whether all surfaces so far were coherent targets.
         chain: Hash of the objects that reflected the ray so far.
         planes: Hash of the planes in which it was reflected.
+        slopes: Sum of the variances of the slopes of the mirrors so far [rad^2].
         unfold_x: Image of the world's x axis behind the mirrors so far; likewise `unfold_y`, `unfold_z`.
     """
 
@@ -63,6 +64,7 @@ class RayBatch:
     only_targets: "mi.Bool"
     chain: "mi.UInt32"
     planes: "mi.UInt32"
+    slopes: "mi.Float"
     unfold_x: "mi.Vector3f"
     unfold_y: "mi.Vector3f"
     unfold_z: "mi.Vector3f"
@@ -219,6 +221,7 @@ def primary_batch(
         only_targets=dr.full(mi.Bool, True, count),
         chain=dr.zeros(mi.UInt32, count),
         planes=dr.zeros(mi.UInt32, count),
+        slopes=dr.zeros(mi.Float, count),
         unfold_x=mi.Vector3f(one, zero, zero),
         unfold_y=mi.Vector3f(zero, one, zero),
         unfold_z=mi.Vector3f(zero, zero, one),
@@ -311,7 +314,9 @@ class BounceSampler:
         cosine, power, share = self._reflected(rays, hits)
         length = rays.travelled + hits.distance
         spread = _slope_spread(hits, -mi.Vector3f(rays.direction), rays.density, mi.Float(length))
-        lobe = self._surfaces.mirror_lobe(hits.material, cosine, cosine, cosine, hits.active, spread)
+        # A mirror that is tilted by d turns the ray by 2 d, out and back alike.
+        tilt = 4 * rays.slopes
+        lobe = self._surfaces.mirror_lobe(hits.material, cosine, cosine, cosine, hits.active, spread, tilt)
         cosines = (cosine, cosine, mi.Float(1))
         brdf = share * lobe + self._surfaces.diffuse_lobe(1 - share, hits.material, cosines, hits.active)
         length32 = mi.Float(length)
@@ -362,7 +367,10 @@ class BounceSampler:
         active = hits.active & (cos_out > 1e-3)
         unfolded = rays.travelled + hits.distance
         spread = _slope_spread(hits, half, rays.density, mi.Float(unfolded))
-        lobe = self._surfaces.mirror_lobe(hits.material, cos_half, cosine, cos_out, active, spread)
+        # A mirror that is tilted by d turns the ray by 2 d, and the half vector by d.
+        lobe = self._surfaces.mirror_lobe(
+            hits.material, cos_half, cosine, cos_out, active, spread, rays.slopes
+        )
         cosines = (cosine, cos_out, mi.Float(-dr.dot(rays.direction, towards)))
         brdf = self._surfaces.diffuse_lobe(4 * (1 - share), hits.material, cosines, active)
         brdf += dr.select(mirrored, share * lobe, 0)
@@ -410,6 +418,7 @@ class BounceSampler:
             only_targets=rays.only_targets,
             chain=hash32(rays.chain ^ hits.instance),
             planes=hash32(rays.planes ^ _plane_key(hits)),
+            slopes=rays.slopes + self._surfaces.slope_variance(hits.material, hits.active),
             unfold_x=rays.unfold_x - across * normal.x,
             unfold_y=rays.unfold_y - across * normal.y,
             unfold_z=rays.unfold_z - across * normal.z,

@@ -159,6 +159,18 @@ class Surfaces:
         lobe = amount * shape * peak / dr.maximum(cos_out, 1e-3)
         return dr.select(kind == 0, lambert, lobe)
 
+    def slope_variance(self, material: "mi.UInt32", active: "mi.Bool") -> "mi.Float":
+        """Return the variance of the slopes of surfaces.
+
+        Args:
+            material: Material ids (N).
+            active: Which entries to look up (N).
+
+        Returns:
+            Variances (N) [rad^2].
+        """
+        return dr.gather(mi.Float, self._slope_variance, material, active)
+
     def mirror_lobe(
         self,
         material: "mi.UInt32",
@@ -167,6 +179,7 @@ class Surfaces:
         cos_out: "mi.Float",
         active: "mi.Bool",
         spread: SlopeSpread | None = None,
+        tilt: "mi.Float | float" = 0.0,
     ) -> "mi.Float":
         """Return the BRDF of the mirror part, D(h) / (4 cos_in cos_out).
 
@@ -178,11 +191,12 @@ class Surfaces:
             active: Which entries to look up (N).
             spread: Slopes of the half vector, and those of a curved surface in the footprint of the ray; None
                 for flat surfaces.
+            tilt: Variance of the half vectors by the slopes of the mirrors on the way (N) [rad^2].
 
         Returns:
             BRDF per unit reflected power (N) [1/sr].
         """
-        variance = dr.gather(mi.Float, self._slope_variance, material, active)
+        variance = self.slope_variance(material, active) + tilt
         cos2 = dr.maximum(cos_half * cos_half, 1e-6)
         if spread is None:
             slopes = dr.exp((1 - 1 / cos2) / (2 * variance)) / (2 * math.pi * variance * cos2 * cos2)
