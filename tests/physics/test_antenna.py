@@ -120,7 +120,7 @@ def test_elevation_pattern_counts_twice(law: LawRecorder) -> None:
         for j, elevation in enumerate(levels)
         for k in range(6)
     ]
-    echoes = traced(world(*things), rays=2025)
+    echoes = traced(world(*things), rays=2048)
     power = np.array([power_of(echoes, 1 + i) for i in range(len(things))]).reshape(5, 6).mean(axis=1)
     for (elevation, one_way), found in list(zip(levels.items(), decibel(power / power[0]), strict=True))[1:]:
         law(

@@ -124,7 +124,7 @@ def test_world_that_is_tilted_with_the_antenna_looks_the_same(
     # A wall and a slab below it: echoes of one bounce, and ghosts of two between them.
     bearing = math.radians(bearing_deg)
     wall = facing(bearing, math.radians(-2.0), 24.0, 3.0, 3.0)
-    slab = facing(bearing, math.radians(-88.0), 6.0, 40.0, 40.0)
+    slab = facing(bearing, math.radians(-88.0), 1.2, 60.0, 60.0)
     rotation = rotation_of(pitch_deg, roll_deg)
     sway = ARM_M * (rotation[:, 2] - [0, 0, 1])
     straight_up, leaning = (

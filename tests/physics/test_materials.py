@@ -174,7 +174,7 @@ def test_vertical_polarisation_is_te_at_walls_and_tm_at_the_ground(
             middle = distance_m * towards + [0.0, 0.0, HEIGHT_M]
             corners = [middle + half * (a * aside + b * up) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
             things.append(("concrete", "target", quad([list(corner) for corner in corners])))
-    echoes = traced(world(*things), rays=2025, floor_db=-30.0)
+    echoes = traced(world(*things), rays=2048, floor_db=-30.0)
     power = np.array([power_of(echoes, k + 1) for k in range(18)]).reshape(3, 6).mean(axis=1)
     epsilon = by_hand(*ROWS["concrete"])
     head_on = coefficient(epsilon, 0.0)[0]

@@ -173,13 +173,13 @@ def test_lobes_through_the_tracer(law: LawRecorder, monkeypatch: pytest.MonkeyPa
     # A small plate seen slantwise, straight and by way of a metal wall: there and back by different ways.
     # So rough that it mirrors nothing.
     wall = plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0)
-    side = plate([22.0, 6.0, HEIGHT_M], [0, -1], 0.3, 1.0)
+    side = plate([22.0, 6.0, HEIGHT_M], [0, -1], 0.3, 4.0)
     town = world(("metal", "wall", wall), ("soil", "car", side))
     rough = replace(MATERIALS["soil"], rms_height_m=0.03)
     power: dict[str, tuple[float, float]] = {}
     for lobe in ("lambert", "directive", "backscatter"):
         monkeypatch.setitem(MATERIALS, "soil", replace(rough, lobe=lobe, lobe_order=3))
-        echoes = traced(town, rays=400, max_bounces=2)
+        echoes = traced(town, rays=2048, max_bounces=2)
         mine = echoes.instance == 2
         power[lobe] = (
             float(echoes.mean_power[mine & (echoes.bounces == 1)].sum(dtype=np.float64)),
