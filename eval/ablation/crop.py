@@ -70,7 +70,7 @@ def region_cells(scan: PolarScan, region: str) -> NDArray[np.bool_]:
 
     Args:
         scan: The scan with its truth.
-        region: Name of a component (of ghosts the displaced ones, where known), "mover" for direct echoes of
+        region: Name of a component (of ghosts the displaced ones), "mover" for direct echoes of
             moving objects, or "" for all.
 
     Returns:
@@ -82,7 +82,7 @@ def region_cells(scan: PolarScan, region: str) -> NDArray[np.bool_]:
     if region == "mover":
         return cells.moving & (cells.component == Component.DIRECT)
     concerned = cells.component == Component[region.upper()]
-    return concerned & cells.displaced if region == "ghost" and cells.displaced is not None else concerned
+    return concerned & cells.displaced if region == "ghost" else concerned
 
 
 def _most_changed_above(

@@ -179,7 +179,7 @@ def _draw_boxes(axes: Sequence[Axes], found: CaseScans) -> None:
         scans += scans[-1:]
     for each, (scan, distortion) in zip(axes, scans, strict=False):
         if scan.truth is not None:
-            for box in observed_boxes(scan, scan.truth, motion_distortion=distortion):
+            for box in observed_boxes(scan.truth, motion_distortion=distortion):
                 _draw_box(each, box)
 
 

@@ -64,14 +64,12 @@ def shown_components(cells: CellTruth, names: Sequence[str]) -> NDArray[np.uint8
     """Return the component of each cell, with ghosts in place apart from displaced ones.
 
     Args:
-        cells: Truth of the cells; in older data sets, without the flag, all ghosts count as displaced.
+        cells: Truth of the cells.
         names: Names of the components by number.
 
     Returns:
         Numbers of the components (azimuths, bins), `len(names)` for ghosts in place.
     """
-    if cells.displaced is None:
-        return cells.component
     in_place = (cells.component == names.index("ghost")) & ~cells.displaced
     return np.where(in_place, np.uint8(len(names)), cells.component)
 

@@ -1,8 +1,7 @@
 """True boxes of moving objects at the time when the rotating beam passes each of them.
 
 A scan shows each object where it is when its azimuth is swept, up to half a revolution from mid-scan. The
-ground truth holds its box at that time; in older data sets it is extrapolated from mid-scan at constant
-velocity.
+ground truth holds its box at that time.
 """
 
 import math
@@ -12,10 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.datasets.polar_scan import PolarScan, ScanTruth
-
-_ITERATIONS = 3
-"""Fixed-point iterations for the azimuth that meets an object; the beam sweeps some 50 times faster."""
+from echoscape.sim.datasets.polar_scan import ScanTruth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,14 +56,11 @@ class ObservedBox:
         return np.stack([right, forward], axis=1)
 
 
-def observed_boxes(
-    scan: PolarScan, truth: ScanTruth, *, motion_distortion: float = 1.0
-) -> Iterator[ObservedBox]:
+def observed_boxes(truth: ScanTruth, *, motion_distortion: float = 1.0) -> Iterator[ObservedBox]:
     """Yield the moving objects near the radar where the scan shows them.
 
     Args:
-        scan: The scan, which gives the time of each azimuth.
-        truth: Its ground truth.
+        truth: Ground truth of the scan.
         motion_distortion: Share of the revolution's time over which the azimuths were simulated, as in
             `sim.settings.artefacts.Artefacts`; 0 if all were simulated at mid-scan.
 
@@ -77,7 +70,7 @@ def observed_boxes(
     boxes = truth.boxes
     for i in range(len(boxes.instance)):
         centre, velocity = boxes.centre[i], boxes.velocity[i]
-        pose, position, yaw = _met(scan, truth, i, motion_distortion)
+        pose, position, yaw = _met(truth, i, motion_distortion)
         forward, right = _in_car_frame(pose, position)
         length, width, height = (round(float(value), 2) for value in boxes.extent[i])
         yield ObservedBox(
@@ -96,27 +89,10 @@ def observed_boxes(
         )
 
 
-def _met(scan: PolarScan, truth: ScanTruth, index: int, share: float) -> tuple[NDArray, NDArray, float]:
+def _met(truth: ScanTruth, index: int, share: float) -> tuple[NDArray, NDArray, float]:
     """Return the car's pose (4,), a box's centre (3,) and its yaw [rad] at the azimuth that meets the box."""
     boxes = truth.boxes
-    if boxes.row is None or boxes.row_centre is None or boxes.row_yaw is None:
-        return *_extrapolated(scan, truth, index, share), float(boxes.yaw[index])
     return _pose_at(truth, int(boxes.row[index]), share), boxes.row_centre[index], float(boxes.row_yaw[index])
-
-
-def _extrapolated(
-    scan: PolarScan, truth: ScanTruth, index: int, share: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the car's pose (4,) and a box's centre (3,) from those at mid-scan at constant velocity."""
-    centre, velocity = truth.boxes.centre[index], truth.boxes.velocity[index]
-    pose, position = truth.middle_pose, centre
-    for _ in range(_ITERATIONS if share else 0):
-        forward, right = _in_car_frame(pose, position)
-        after_first_rad = math.atan2(right, forward) - scan.first_azimuth_rad
-        azimuth = round(after_first_rad / (2 * math.pi) * len(truth.pose)) % len(truth.pose)
-        pose = _pose_at(truth, azimuth, share)
-        position = centre + velocity * (share * float(scan.timestamp_us[azimuth] - truth.middle_us) / 1e6)
-    return pose, position
 
 
 def _pose_at(truth: ScanTruth, azimuth: int, share: float) -> NDArray[np.float64]:

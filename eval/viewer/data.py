@@ -219,7 +219,7 @@ def _viewed(source: Source, number: int, *, pool: int, occurring: _Occurring) ->
         yaw_rate_rad_s=yaw_rate,
         clipped=np.flatnonzero(truth.saturated).tolist() if truth else [],
         obstacle_m=[_decimetres(value) for value in truth.first_obstacle_m.tolist()] if truth else [],
-        boxes=list(observed_boxes(scan, truth, motion_distortion=share)) if truth else [],
+        boxes=list(observed_boxes(truth, motion_distortion=share)) if truth else [],
     )
 
 

@@ -34,8 +34,7 @@ class CellTruth(ArrayRecord):
         bounces: Surfaces that its path met, 0 where no single object dominates, uint8.
         moving: Whether the object is a mover, bool.
         displaced: Whether the cell's strongest echo came over several surfaces and shows none of them in its
-            place: not within two range resolution cells and a beam width, bool; None in data sets written
-            before it was known.
+            place: not within two range resolution cells and a beam width, bool.
     """
 
     component: NDArray[np.uint8]
@@ -43,14 +42,12 @@ class CellTruth(ArrayRecord):
     class_id: NDArray[np.uint8]
     bounces: NDArray[np.uint8]
     moving: NDArray[np.bool_]
-    displaced: NDArray[np.bool_] | None = None
+    displaced: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MoverBoxes(ArrayRecord):
     """Boxes of the M movers near the radar in the world frame, at mid-scan and when the beam meets them.
-
-    Those at the time of a row are None in data sets written before they were known.
 
     Attributes:
         instance: Instance ids (M,) uint32.
@@ -70,9 +67,9 @@ class MoverBoxes(ArrayRecord):
     extent: NDArray[np.float64]
     yaw: NDArray[np.float64]
     velocity: NDArray[np.float64]
-    row: NDArray[np.int32] | None = None
-    row_centre: NDArray[np.float64] | None = None
-    row_yaw: NDArray[np.float64] | None = None
+    row: NDArray[np.int32]
+    row_centre: NDArray[np.float64]
+    row_yaw: NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,7 +87,7 @@ class ScanTruth(ArrayRecord):
             inf where there is none.
         boxes: Movers near the radar.
         attitude: Pitch, nose up, and roll, right side down, of the car at each azimuth (azimuths, 2) [rad],
-            as the scan was simulated; None where an older file lacks it.
+            as the scan was simulated.
     """
 
     cells: CellTruth
@@ -100,7 +97,7 @@ class ScanTruth(ArrayRecord):
     saturated: NDArray[np.bool_]
     first_obstacle_m: NDArray[np.float32]
     boxes: MoverBoxes
-    attitude: NDArray[np.float64] | None = None
+    attitude: NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -234,5 +234,5 @@ def _by_bin(steps: CellTruth, *, written: NDArray[np.bool_]) -> CellTruth:
         class_id=widened(steps.class_id),
         bounces=widened(steps.bounces),
         moving=widened(steps.moving),
-        displaced=None if steps.displaced is None else widened(steps.displaced),
+        displaced=widened(steps.displaced),
     )

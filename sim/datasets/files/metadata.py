@@ -12,7 +12,7 @@ from echoscape.sim.datasets.files.typed_json import from_json
 from echoscape.sim.sensor.sensor import Sensor
 
 FILE_NAME = "echoscape.json"
-FORMAT = 2
+FORMAT = 3
 """Version of the folder's format; readers refuse others."""
 
 
@@ -38,7 +38,7 @@ def read_manifest(path: Path) -> dict[str, Any]:
         Its content.
 
     Raises:
-        DatasetError: It is absent, no JSON, or of another format; the message names it.
+        DatasetError: It is absent, no JSON, or of another format; the message names it and what to do.
     """
     path = Path(path)
     if path.is_file() and path.suffix != ".json":
@@ -52,8 +52,20 @@ def read_manifest(path: Path) -> dict[str, Any]:
         raise DatasetError(f"{path}: cannot be read ({error})") from error
     found = content.get("format") if isinstance(content, dict) else None
     if found != FORMAT:
-        raise DatasetError(f"{path}: must be of format {FORMAT}, got {found!r}: simulate the data set again")
+        raise DatasetError(f"{path}: must be of format {FORMAT}, got {found!r}{_remedy(found)}")
     return content
+
+
+def _remedy(found: Any) -> str:
+    """Return what to do about another format, for the end of a message; nothing where it is no format."""
+    if not isinstance(found, int) or isinstance(found, bool) or found < 1:
+        return ""
+    if found > FORMAT:
+        return ", written by a later version of echoscape: install that one"
+    return (
+        ", written by an earlier version of echoscape: simulate the data set again from its options, "
+        "or delete this file to read the scans without truth"
+    )
 
 
 def world_of(content: dict[str, Any]) -> str:

@@ -79,16 +79,13 @@ def ends_as_archive(path: Path) -> bool:
         return False
 
 
-def read_archive(
-    path: Path, names: tuple[str, ...], *, kind: str, optional: tuple[str, ...] = ()
-) -> dict[str, NDArray]:
+def read_archive(path: Path, names: tuple[str, ...], *, kind: str) -> dict[str, NDArray]:
     """Read some arrays of an archive; the others are not decompressed.
 
     Args:
         path: The file.
         names: Names of the arrays.
         kind: What the file is called in messages.
-        optional: Names of arrays that the archive may lack.
 
     Returns:
         The arrays by name.
@@ -103,8 +100,7 @@ def read_archive(
             lacking = [name for name in names if name not in archive]
             if lacking:
                 raise DatasetError(f"{path}: a {kind} without {', '.join(lacking)}")
-            present = (*names, *(name for name in optional if name in archive))
-            return {name: archive[name] for name in present}
+            return {name: archive[name] for name in names}
     except DatasetError:
         raise
     except (OSError, ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:

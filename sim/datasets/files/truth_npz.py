@@ -14,9 +14,10 @@ from echoscape.sim.datasets.files.npz import archive_bytes, read_archive
 from echoscape.sim.datasets.polar_scan import CellTruth, MoverBoxes, ScanTruth
 
 _LEVEL = 1
-_CELLS = ("component", "instance", "class_id", "bounces", "moving")
+_CELLS = ("component", "instance", "class_id", "bounces", "moving", "displaced")
 _SCAN = {
     "pose": "pose",
+    "attitude": "attitude",
     "middle_pose": "middle_pose",
     "middle_us": "middle_us",
     "saturated": "saturated",
@@ -29,13 +30,12 @@ _BOXES = {
     "box_extent": "extent",
     "box_yaw": "yaw",
     "box_velocity": "velocity",
+    "box_row": "row",
+    "box_row_centre": "row_centre",
+    "box_row_yaw": "row_yaw",
 }
-_LATER_CELLS = ("displaced",)
-_LATER_BOXES = {"box_row": "row", "box_row_centre": "row_centre", "box_row_yaw": "row_yaw"}
-_LATER_SCAN = ("attitude",)
-_FIRST = (*_CELLS, *_SCAN, *_BOXES)
-NAMES = (*_FIRST, *_LATER_CELLS, *_LATER_BOXES, *_LATER_SCAN)
-"""Names of the arrays in a truth file, in their order; the later ones are absent from older files."""
+NAMES = (*_CELLS, *_SCAN, *_BOXES)
+"""Names of the arrays in a truth file, in their order."""
 
 
 def truth_arrays(truth: ScanTruth) -> dict[str, NDArray]:
@@ -45,18 +45,13 @@ def truth_arrays(truth: ScanTruth) -> dict[str, NDArray]:
         truth: The truth of a scan.
 
     Returns:
-        The arrays by name, in the order of `NAMES`, without those that are None; instance ids as 16 bits
-        where they fit.
+        The arrays by name, in the order of `NAMES`; instance ids as 16 bits where they fit.
     """
     arrays = {name: getattr(truth.cells, name) for name in _CELLS}
     if arrays["instance"].max(initial=0) <= np.iinfo(np.uint16).max:
         arrays["instance"] = arrays["instance"].astype(np.uint16)
     arrays |= {name: np.asarray(getattr(truth, field)) for name, field in _SCAN.items()}
-    arrays |= {name: getattr(truth.boxes, field) for name, field in _BOXES.items()}
-    later = {name: getattr(truth.cells, name) for name in _LATER_CELLS}
-    later |= {name: getattr(truth.boxes, field) for name, field in _LATER_BOXES.items()}
-    later |= {name: getattr(truth, name) for name in _LATER_SCAN}
-    return arrays | {name: values for name, values in later.items() if values is not None}
+    return arrays | {name: getattr(truth.boxes, field) for name, field in _BOXES.items()}
 
 
 def truth_bytes(truth: ScanTruth) -> bytes:
@@ -91,15 +86,15 @@ def read_truth(path: Path) -> ScanTruth:
         path: A file that `write_truth` wrote.
 
     Returns:
-        The truth of the scan; what an older file lacks is None.
+        The truth of the scan.
 
     Raises:
         DatasetError: The file is absent, damaged, or lacks an array; the message names it.
     """
-    found = read_archive(Path(path), _FIRST, kind="truth file", optional=NAMES[len(_FIRST) :])
+    found = read_arrays(Path(path), NAMES)
     found["instance"] = found["instance"].astype(np.uint32)
     shape = found["component"].shape
-    cells = {name: found[name] for name in (*_CELLS, *_LATER_CELLS) if name in found}
+    cells = {name: found[name] for name in _CELLS}
     for name in cells:
         if found[name].shape != shape or len(shape) != 2:
             raise DatasetError(f"{path}: {name} has shape {found[name].shape}, component has {shape}")
@@ -110,10 +105,8 @@ def read_truth(path: Path) -> ScanTruth:
         middle_us=int(found["middle_us"]),
         saturated=found["saturated"],
         first_obstacle_m=found["first_m"],
-        boxes=MoverBoxes(
-            **{field: found[name] for name, field in (_BOXES | _LATER_BOXES).items() if name in found}
-        ),
-        **{name: found[name] for name in _LATER_SCAN if name in found},
+        boxes=MoverBoxes(**{field: found[name] for name, field in _BOXES.items()}),
+        attitude=found["attitude"],
     )
 
 

@@ -1,7 +1,5 @@
 """What a figure shows of a scan's truth: ghosts in place apart from displaced ones."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from echoscape.eval.figures.frame import shown_components
@@ -15,16 +13,8 @@ def test_ghosts_in_place_are_shown_apart_and_nothing_else_changes() -> None:
     truth = drawn_scan().truth
     assert truth is not None
     cells = truth.cells
-    assert cells.displaced is not None
     shown = shown_components(cells, NAMES)
     in_place = (cells.component == Component.GHOST) & ~cells.displaced
     assert in_place.any()
     assert (shown[in_place] == len(NAMES)).all()
     np.testing.assert_array_equal(shown[~in_place], cells.component[~in_place])
-
-
-def test_ghosts_of_older_truth_are_all_shown_as_ghosts() -> None:
-    truth = drawn_scan().truth
-    assert truth is not None
-    older = replace(truth.cells, displaced=None)
-    np.testing.assert_array_equal(shown_components(older, NAMES), older.component)

@@ -105,6 +105,9 @@ def test_box_is_placed_for_the_azimuth_that_sees_it(tmp_path: Path) -> None:
         centre=np.array([[-30.0, 0, 0]]),
         velocity=np.array([[0, 8.0, 0]]),
         yaw=np.array([0.0]),
+        row=np.array([300], np.int32),
+        row_centre=np.array([[-30.0, 8 * times_s[300], 0]]),
+        row_yaw=np.array([0.0]),
     )
     truth = replace(scan.truth, pose=pose, middle_pose=np.array([0, 0, 0, math.pi / 2]), boxes=boxes)
     write_truth(folder / "truth" / f"{START_US}.npz", truth)

@@ -24,6 +24,8 @@ YAW = 3 * math.pi / 4
 CAR = CLASSES.index("car")
 BOX_INSTANCE = 7
 BOX_FORWARD_M, BOX_RIGHT_M = 20.0, 10.0
+BOX_ROW = 29
+"""26.6 deg, from the first azimuth at 0.84 deg in steps of 0.9 deg."""
 BLOCK_AZIMUTHS, BLOCK_BINS, BLOCK_CODE = slice(90, 110), slice(440, 520), 100
 """Echoes on the right, at 19.0 to 22.5 m, of every scan but those with an odd number."""
 
@@ -64,7 +66,11 @@ def made_scan(number: int) -> PolarScan:
             extent=np.array([[4.5, 1.8, 1.4]]),
             yaw=np.array([YAW]),
             velocity=np.zeros((1, 3)),
+            row=np.array([BOX_ROW], np.int32),
+            row_centre=np.array([[pose[0] + east, pose[1] + north, 0.7]]),
+            row_yaw=np.array([YAW]),
         ),
+        attitude=np.zeros((shape[0], 2)),
     )
     return PolarScan(
         codes=np.where(block, BLOCK_CODE, 0).astype(np.uint8),

@@ -138,7 +138,7 @@ def put(value: Any, *names: str) -> Callable[[dict[str, Any]], None]:
         (put({"kind": "ufo"}, "config", "targets"), r"config\.targets must be a list"),
         (put([{"kind": "ufo"}], "config", "targets"), r"config\.targets\[0\]\.position_m is missing"),
         (put(-1.0, "config", "artefacts", "rain"), r"config\.artefacts: rain must be between 0 and 150"),
-        (put(1, "format"), "must be of format 2, got 1"),
+        (put(2, "format"), "must be of format 3, got 2, written by an earlier version"),
     ],
 )
 def test_damage_is_refused_by_entry_and_file(

@@ -100,10 +100,30 @@ def test_unknown_layout_is_refused_by_name() -> None:
         replace(SimulationConfig(sensor=CTS350X), layout="moon")
 
 
-def test_folder_of_another_format_is_refused_by_name(tmp_path: Path) -> None:
-    content = manifest(SimulationConfig(preset="empty", scans=1)) | {"format": 1}
+@pytest.mark.parametrize(
+    ("found", "remedy"),
+    [
+        (1, ", written by an earlier version .* simulate the data set again from its options, or delete"),
+        (2, ", written by an earlier version .* simulate the data set again from its options, or delete"),
+        (4, ", written by a later version of echoscape: install that one$"),
+        (None, "$"),
+        (True, "$"),
+    ],
+)
+def test_folder_of_another_format_is_refused_by_name(tmp_path: Path, found: object, remedy: str) -> None:
+    content = manifest(SimulationConfig(preset="empty", scans=1)) | {"format": found}
     (tmp_path / "echoscape.json").write_text(manifest_text(content))
     (tmp_path / "radar").mkdir()
     write_png(tmp_path / "radar" / f"{START_US}.png", drawn_scan())
-    with pytest.raises(DatasetError, match=r"echoscape\.json: must be of format 2, got 1"):
+    with pytest.raises(DatasetError, match=rf"echoscape\.json: must be of format 3, got {found}{remedy}"):
         open_folder(tmp_path)
+
+
+def test_folder_of_an_earlier_format_is_read_as_real_without_its_manifest(tmp_path: Path) -> None:
+    # As the message says: the azimuths are then those of the encoder, and there is no truth.
+    (tmp_path / "radar").mkdir()
+    write_png(tmp_path / "radar" / f"{START_US}.png", drawn_scan())
+    (tmp_path / "truth").mkdir()
+    found = open_folder(tmp_path)
+    assert (found.simulated, found.truth(0), found.sensor) == (False, None, CTS350X)
+    assert found.read(0).first_azimuth_rad == pytest.approx(2 * np.pi * 13 / 5600)
