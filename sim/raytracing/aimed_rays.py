@@ -18,7 +18,7 @@ from echoscape.sim.raytracing.bounces import RayBatch, joined, primary_batch
 from echoscape.sim.raytracing.intersection import rotated_about_z
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.scan_state import PoseTables, ScanState
-from echoscape.sim.raytracing.slender_facets import SlenderParts, prototype_parts, slender_parts
+from echoscape.sim.raytracing.surface.slender_facets import SlenderParts, prototype_parts, slender_parts
 from echoscape.sim.sensor.antenna import Antenna
 from echoscape.sim.sensor.sensor import Sensor
 

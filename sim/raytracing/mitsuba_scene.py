@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from echoscape.scenes.core.materials import MATERIAL_NAMES
 from echoscape.scenes.core.scene import CLASSES, Mesh, Mover, Prototype, Scene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
-from echoscape.sim.raytracing.slender_facets import MATERIAL as SLENDER_MATERIAL
-from echoscape.sim.raytracing.slender_facets import facet_widths, is_slender
+from echoscape.sim.raytracing.surface.slender_facets import MATERIAL as SLENDER_MATERIAL
+from echoscape.sim.raytracing.surface.slender_facets import facet_widths, is_slender
 
 SHAPE_SPACING_M = 50.0
 """Distance between the shapes of moving objects in their Mitsuba scene; no object is as long."""
