@@ -204,14 +204,19 @@ class RayScene:
             near = active & (aside <= radius * radius) & (along >= -radius) & (along - radius <= best)
 
             def inside(best, who, face):
+                # Only within the sphere about the object: other shapes stand before and behind it.
+                begin = dr.maximum(along - radius, 0)
                 offset = dr.gather(mi.Vector3d, offsets, mover, near)
-                start = rotated_about_z(origin - position, cosine, -sine) + offset
+                start = origin + direction * mi.Float64(begin) - position
+                start = rotated_about_z(start, cosine, -sine) + offset
                 local_direction = mi.Vector3f(rotated_about_z(direction, cosine, -sine))
-                ray = mi.Ray3f(mi.Point3f(start), local_direction, best, 0.0, [])
+                length = dr.minimum(best, along + radius) - begin
+                ray = mi.Ray3f(mi.Point3f(start), local_direction, length, 0.0, [])
                 met = shapes.ray_intersect_preliminary(ray, False, near)
-                nearer = near & met.is_valid() & (met.t < best)
+                distance = met.t + begin
+                nearer = near & met.is_valid() & (distance < best)
                 return (
-                    dr.select(nearer, met.t, best),
+                    dr.select(nearer, distance, best),
                     dr.select(nearer, mover, who),
                     dr.select(nearer, met.prim_index, face),
                 )
