@@ -111,3 +111,20 @@ def test_box_keeps_the_normals_of_its_faces() -> None:
     assert set(np.round(np.abs(normal).max(axis=1), 9)) == {1.0}
     assert not hits.curvature.numpy().any()
     assert not hits.twist.numpy().any()
+
+
+def test_a_moving_object_is_sought_within_its_sphere_only() -> None:
+    # The shapes of moving objects stand side by side in a scene of their own. A ray over the low one goes on to
+    # where the high one stands there, before or behind it, and meets neither.
+    low = prototype("low", "car", {"metal": box((4.0, 4.0, 0.4))})
+    high = prototype("high", "car", {"metal": box((4.0, 4.0, 6.0))})
+    elsewhere = np.array([0.0, 80.0])
+    for ahead, sign in (([10.0, 0.0], 1.0), ([80.0, 0.0], -1.0)):
+        for shapes in ((low, high), (high, low)):
+            places = [elsewhere if shape is high else ahead for shape in shapes]
+            movers = [
+                mover(5 + k, shape, standing(x=float(x), y=float(y), yaw=0.0 if sign > 0 else math.pi))
+                for k, (shape, (x, y)) in enumerate(zip(shapes, places, strict=True))
+            ]
+            hits = hits_in(world(), np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]]), movers)
+            assert not hits.active.numpy().any()
