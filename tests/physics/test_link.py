@@ -87,7 +87,7 @@ def test_walls_that_fill_the_beam_fall_by_6_db_a_doubling(law: LawRecorder, name
         echoes = walls(material, distance)
         level[distance] = np.mean([row_power(echoes, 50 * k) for k in range(8)])
         if material == "soil":
-            level[-distance] = np.sort(echoes.mean_power)[-1]
+            level[-distance] = np.sort(echoes.mean_power)[-100:].mean()
     law(
         f"{name} wall that fills the beam: fall from 20 to 40 m",
         source="area in the beam grows with R^2" if material == "soil" else "power of an image at 2 R",
@@ -99,13 +99,13 @@ def test_walls_that_fill_the_beam_fall_by_6_db_a_doubling(law: LawRecorder, name
     )
     if material == "soil":
         law(
-            "One ray's return: fall from 20 to 40 m",
+            "A patch's return: fall from 20 to 40 m",
             source="rays are drawn from the beam, so that only the path back spreads: 1/R^2",
             expected=-6.02,
             simulated=float(decibel(level[-40.0] / level[-20.0])),
-            tolerance=0.01,
+            tolerance=0.15,
             unit="dB",
-            why="the same ray; rounding of single precision",
+            why="patches twice as wide, of as many rays; the strongest hundred",
         )
     else:
         # (lambda / (8 pi R))^2 |Gamma|^2 (1 - S^2), S = 0.05, of eps = 6.31 - 0.282j; G and losses: 54 dB.

@@ -24,6 +24,8 @@ WALL = ("metal", "wall", plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0))
 CAR = ("soil", "car", plate([20.0, 12.0, HEIGHT_M], [1, 0], 2.0, 1.5))
 """A rough plate that faces the wall: illuminated by way of the wall only."""
 ROAD = ("concrete", "road", quad([[-80, -80, 0], [80, -80, 0], [80, 80, 0], [-80, 80, 0]]))
+FIRST_CODE = 1.26
+"""The least power with a code above 0."""
 ONLY_ECHOES = Artefacts(
     thermal_noise=False,
     leakage=False,
@@ -130,26 +132,36 @@ def test_ghosts_are_displaced_and_corners_are_not(law: LawRecorder, yard: Echoes
     )
 
 
+def scan_power(town: Scene, *, ghosts: bool, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Power of a scan's cells (400, bins) without noise, and their labels."""
+    simulator = Simulator(
+        town,
+        standing(),
+        seed=seed,
+        sensor=STEADY,
+        settings=TraceSettings(rays=256),
+        artefacts=replace(ONLY_ECHOES, ghosts=ghosts),
+    )
+    rngs = [np.random.default_rng(k) for k in (0, 1)]
+    grid = echo_grid(simulator.echoes(0), STEADY)
+    received = receive(grid, STEADY, simulator.artefacts, noise_rng=rngs[0], phase_rng=rngs[1])
+    truth = simulator.scan(0).truth
+    return received.power, np.zeros(0) if truth is None else truth.cells.component
+
+
 def with_and_without_ghosts(town: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Labels (400, bins) of a scan's cells, and which of them are above 0 only with ghosts."""
-    detected, labels = [], np.zeros(0)
-    for ghosts in (True, False):
-        simulator = Simulator(
-            town,
-            standing(),
-            seed=1,
-            sensor=STEADY,
-            settings=TraceSettings(rays=256),
-            artefacts=replace(ONLY_ECHOES, ghosts=ghosts),
-        )
-        rngs = [np.random.default_rng(k) for k in (0, 1)]
-        grid = echo_grid(simulator.echoes(0), STEADY)
-        received = receive(grid, STEADY, simulator.artefacts, noise_rng=rngs[0], phase_rng=rngs[1])
-        detected.append(received.power >= 1.26)  # the least power with a code above 0
-        truth = simulator.scan(0).truth
-        if ghosts and truth is not None:
-            labels = truth.cells.component
-    return labels, detected[0] & ~detected[1]
+    (seen, labels), (alone, _) = (scan_power(town, ghosts=ghosts, seed=1) for ghosts in (True, False))
+    return labels, (seen >= FIRST_CODE) & (alone < FIRST_CODE)
+
+
+def ghosts_outweigh(town: Scene) -> np.ndarray:
+    """Cells (400, bins) whose power over six speckles is eight times as high with ghosts as without."""
+    seen, alone = (
+        np.mean([scan_power(town, ghosts=ghosts, seed=seed)[0] for seed in range(1, 7)], axis=0)
+        for ghosts in (True, False)
+    )
+    return seen > 8 * alone
 
 
 def test_ghost_mask_marks_what_vanishes(law: LawRecorder) -> None:
@@ -172,13 +184,16 @@ def test_ghost_mask_marks_what_vanishes(law: LawRecorder) -> None:
         tolerance=0,
         why="every cell",
     )
-    for ground, tolerance in (("concrete", 0.01), ("asphalt", 0.03)):
-        labels, gone = with_and_without_ghosts(world(WALL, CAR, (ground, *ROAD[1:])))
+    for ground, tolerance in (("concrete", 0.005), ("asphalt", 0.02)):
+        town = world(WALL, CAR, (ground, *ROAD[1:]))
+        labels, gone = with_and_without_ghosts(town)
+        gone &= ghosts_outweigh(town)
+        assert gone.sum() > 1000
         law(
-            f"Wall, car and a road of {ground}: share of the vanishing cells that is labelled ghost",
+            f"Wall, car and a road of {ground}: vanishing cells of mostly ghosts, share that is labelled ghost",
             source="the label is the dominant cause of a cell",
             expected=1.0,
             simulated=float(np.mean(labels[gone] == Component.GHOST)),
             tolerance=tolerance,
-            why="direct and ghost echoes of about one strength add in any phase near the quantiser's floor",
+            why="mostly: by 9 dB over six speckles; in one of these a ghost may fade below the road",
         )
