@@ -190,7 +190,7 @@ def test_ghost_mask_marks_what_vanishes(law: LawRecorder) -> None:
         gone &= ghosts_outweigh(town)
         assert gone.sum() > 1000
         law(
-            f"Wall, car and a road of {ground}: vanishing cells of mostly ghosts, share that is labelled ghost",
+            f"Wall, car and a road of {ground}: vanishing cells of mostly ghosts, share labelled ghost",
             source="the label is the dominant cause of a cell",
             expected=1.0,
             simulated=float(np.mean(labels[gone] == Component.GHOST)),
