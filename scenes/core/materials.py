@@ -168,7 +168,7 @@ MATERIALS: dict[str, Material] = {
             band_ghz=(1.0, 40.0),
             source=_P4,
             rms_height_m=0.0004,
-            scattering=0.25,
+            scattering=0.22,
             rms_slope_rad=0.01,
             roughness_source=(
                 "dense asphalt texture depth 0.5-1 mm; used beyond its band (extrapolated to 76.5 GHz); "
@@ -185,7 +185,7 @@ MATERIALS: dict[str, Material] = {
             band_ghz=(1.0, 100.0),
             source=_P3,
             rms_height_m=0.0003,
-            scattering=0.3,
+            scattering=0.27,
             rms_slope_rad=0.012,
             roughness_source="concrete slabs and kerbs, joints of some mm; values of concrete; calibrated",
             texture_shape=3.0,
