@@ -75,10 +75,10 @@ class SlenderFacets:
             draw: Number of the draw of these points.
         """
         self._sensor = sensor
-        self._seeds = (seed, AIMED_STAGE, draw)
+        self._key = int(np.random.SeedSequence((seed, AIMED_STAGE, draw)).generate_state(1, np.uint64)[0])
         self._gain = mi.Float(antenna.elevation_one_way.astype(np.float32))
         self._gain_steps = len(antenna.elevation_one_way) - 1
-        self._at_rest = _PartTables.of(slender_parts(scene, rng=self._rng()))
+        self._at_rest = _PartTables.of(slender_parts(scene, key=self._key))
         self._prototypes: dict[str, SlenderParts] = {}
 
     def aimed_rays(self, state: ScanState, *, first_number: int) -> AimedRays | None:
@@ -121,9 +121,6 @@ class SlenderFacets:
         index = dr.compress(wanted)
         return parts.at(index) if len(index) else None
 
-    def _rng(self) -> np.random.Generator:
-        return np.random.default_rng(np.random.SeedSequence(self._seeds))
-
     def _at_movers(self, state: ScanState, first_number: int) -> AimedRays | None:
         """Send rays to the parts of moving objects in reach."""
         found = [self._parts_of(mover.prototype) for mover in state.movers.movers]
@@ -144,7 +141,7 @@ class SlenderFacets:
     def _parts_of(self, prototype: Prototype) -> SlenderParts:
         """Return the parts of a prototype, the same for all its objects and scans."""
         if prototype.name not in self._prototypes:
-            self._prototypes[prototype.name] = prototype_parts(prototype, rng=self._rng())
+            self._prototypes[prototype.name] = prototype_parts(prototype, key=self._key)
         return self._prototypes[prototype.name]
 
     def _aimed(

@@ -1,4 +1,8 @@
-"""Slender metal facets of a scene, divided along their length: bars of railings, posts, rails of barriers."""
+"""Slender metal facets of a scene, divided along their length: bars of railings, posts, rails of barriers.
+
+The point of each part is a hash of where its facet is (SplitMix64: Steele, Lea & Flood, OOPSLA 2014), so that
+it does not depend on what else is in the scene.
+"""
 
 from dataclasses import dataclass
 
@@ -17,6 +21,7 @@ LEAST_PARTS = 2
 """Fewest parts of a facet."""
 STEEPEST = 0.9
 """Largest vertical component of the normal of a facet: those that face up or down do not face a radar."""
+_STEP = np.uint64(0x9E3779B97F4A7C15)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,12 +55,12 @@ def facet_widths(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     return doubled / np.maximum(longest, 1e-9)
 
 
-def slender_parts(scene: Scene, *, rng: np.random.Generator) -> SlenderParts:
+def slender_parts(scene: Scene, *, key: int) -> SlenderParts:
     """Divide the flat slender metal facets of all that is at rest.
 
     Args:
         scene: Static meshes, prototypes and their placements.
-        rng: Draws the points.
+        key: Decides the points, from 0 to 2^64 - 1.
 
     Returns:
         Their parts.
@@ -70,21 +75,21 @@ def slender_parts(scene: Scene, *, rng: np.random.Generator) -> SlenderParts:
             continue
         at = places.prototype == number
         found.append(_placed(_slender(mesh), places.position[at], places.yaw[at], places.scale[at]))
-    return _divided(np.concatenate(found), rng)
+    return _divided(np.concatenate(found), key)
 
 
-def prototype_parts(prototype: Prototype, *, rng: np.random.Generator) -> SlenderParts:
+def prototype_parts(prototype: Prototype, *, key: int) -> SlenderParts:
     """Divide the flat slender metal facets of a prototype.
 
     Args:
         prototype: The prototype.
-        rng: Draws the points.
+        key: Decides the points, from 0 to 2^64 - 1.
 
     Returns:
         Their parts, in the frame of the prototype.
     """
     mesh = prototype.parts.get(MATERIAL)
-    return _divided(np.zeros((0, 3, 3)) if mesh is None else _slender(mesh), rng)
+    return _divided(np.zeros((0, 3, 3)) if mesh is None else _slender(mesh), key)
 
 
 def is_slender(mesh: Mesh, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -114,13 +119,14 @@ def _placed(
     corners: NDArray[np.float64], position: NDArray, yaw: NDArray, scale: NDArray
 ) -> NDArray[np.float64]:
     """Return faces (F, 3, 3) at P placements, as (P F, 3, 3) [m]."""
-    cosine, sine, zero = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)
-    turn = np.array([[cosine, -sine, zero], [sine, cosine, zero], [zero, zero, zero + 1]]) * scale
-    world = np.einsum("jkp,fck->pfcj", turn, corners) + position[:, None, None, :]
-    return world.reshape(-1, 3, 3)
+    cosine, sine, size = (each[:, None, None] for each in (np.cos(yaw), np.sin(yaw), scale))
+    x, y, z = (corners[..., axis] * size for axis in range(3))
+    # One product at a time: a placement has the same bits whatever others there are.
+    turned = np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
+    return (turned + position[:, None, None, :]).reshape(-1, 3, 3)
 
 
-def _divided(corners: NDArray[np.float64], rng: np.random.Generator) -> SlenderParts:
+def _divided(corners: NDArray[np.float64], key: int) -> SlenderParts:
     """Divide faces (F, 3, 3) along their longest edges."""
     edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     start = edges.argmax(axis=1)
@@ -133,9 +139,10 @@ def _divided(corners: NDArray[np.float64], rng: np.random.Generator) -> SlenderP
     count = np.maximum(np.ceil(length / PART_M), LEAST_PARTS).astype(np.int64)
     face = np.repeat(row, count)
     number = np.arange(len(face)) - np.repeat(np.cumsum(count) - count, count)
-    place = (number + rng.random(len(face))) / count[face]
+    first = _mixed(_face_hash(corners, key)[face] + number.astype(np.uint64) * _STEP)
+    place = (number + _fraction(first)) / count[face]
     height = np.where(place < foot[face], place / foot[face], (1 - place) / (1 - foot[face]))
-    up = height * rng.random(len(face))
+    up = height * _fraction(_mixed(first + _STEP))
     at = a[face] + along[face] * place[:, None] + across[face] * up[:, None]
     width = np.linalg.norm(across, axis=1)
     normal = np.cross(along, across) / np.maximum(length * width, 1e-12)[:, None]
@@ -145,3 +152,24 @@ def _divided(corners: NDArray[np.float64], rng: np.random.Generator) -> SlenderP
         width_m=width[face].astype(np.float32),
         area_m2=(height * (length * width / count)[face]).astype(np.float32),
     )
+
+
+def _face_hash(corners: NDArray[np.float64], key: int) -> NDArray[np.uint64]:
+    """Return a hash of the coordinates of each face (F, 3, 3) and the key (F,)."""
+    bits = (corners.reshape(len(corners), 9) + 0.0).view(np.uint64)  # adding 0 leaves no negative zeros
+    mixed = np.full(len(corners), key, np.uint64)
+    for column in range(9):
+        mixed = _mixed((mixed ^ bits[:, column]) + _STEP)
+    return mixed
+
+
+def _mixed(value: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return numbers whose every bit depends on every bit of the value: the finaliser of SplitMix64."""
+    value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    value = (value ^ (value >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return value ^ (value >> np.uint64(31))
+
+
+def _fraction(value: NDArray[np.uint64]) -> NDArray[np.float64]:
+    """Return hashes as fractions, 0 to below 1."""
+    return (value >> np.uint64(11)).astype(np.float64) * 2.0**-53

@@ -7,7 +7,7 @@ import pytest
 
 from echoscape.scenes.core.scene import Placements, Prototype, Scene
 from echoscape.sim.raytracing.surface.slender_facets import SlenderParts, prototype_parts, slender_parts
-from tests.sim.worlds import plate, world
+from tests.sim.worlds import plate, quad, world
 
 LENGTH_M, WIDTH_M = 2.0, 0.05
 BAR = plate([3.0, 40.0, 1.0], [-1, 0], LENGTH_M, WIDTH_M)
@@ -94,6 +94,6 @@ def test_wide_level_and_other_facets_have_no_parts() -> None:
     for material, mesh in (
         ("metal", plate([3.0, 40.0, 1.0], [-1, 0], 2.0, 1.0)),
         ("soil", BAR),
-        ("metal", replace(BAR, vertices=BAR.vertices[:, [0, 1, 2]] * [1, 1, 0] + [0, 0, 0])),
+        ("metal", quad([[0, 9, 1], [2, 9, 1], [2, 9.05, 1], [0, 9.05, 1]])),
     ):
         assert len(slender_parts(world((material, "barrier", mesh)), key=0).width_m) == 0
