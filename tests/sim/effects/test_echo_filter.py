@@ -18,7 +18,7 @@ from echoscape.sim.settings.tracing import TraceSettings
 from echoscape.sim.simulator import Simulator
 from tests.sim.worlds import box_prototype, mover, plate, quad, standing, straight, world
 
-SETTINGS = TraceSettings(rays=100)
+SETTINGS = TraceSettings(rays=128)
 STEADY = replace(CTS350X, rotation_jitter_s=1e-9, encoder_first=0)
 WALL, ROAD, POST, VAN = 1, 2, 3, 4
 DIRECT_ONLY = EchoFilter(bounces=(1,))

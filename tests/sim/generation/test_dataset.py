@@ -253,8 +253,8 @@ class Pipe:
 
 def test_another_configuration_is_not_resumed_and_the_setting_is_named(made: Path) -> None:
     before = _bytes(made)
-    other = SimulationConfig(preset="empty", seed=3, scans=4, trace=TraceSettings(rays=25))
-    with pytest.raises(DatasetError, match=r"trace\.rays was 16, now it is 25"):
+    other = SimulationConfig(preset="empty", seed=3, scans=4, trace=TraceSettings(rays=32))
+    with pytest.raises(DatasetError, match=r"trace\.rays was 16, now it is 32"):
         write_dataset(made, other, resume=True)
     assert _bytes(made) == before
 
