@@ -1,12 +1,24 @@
 """Parts of slender metal facets: they cover their facet evenly, and stay whatever else is in the scene."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from echoscape.scenes.core.scene import Placements, Prototype, Scene
-from echoscape.sim.raytracing.surface.slender_facets import SlenderParts, prototype_parts, slender_parts
+from echoscape.scenes.core.scene import Mesh, Placements, Prototype, Scene
+from echoscape.sim.raytracing.surface.slender_facets import (
+    LEAST_PARTS,
+    PART_M,
+    SlenderParts,
+    facet_widths,
+    is_slender,
+    prototype_parts,
+    slender_parts,
+)
 from tests.sim.worlds import plate, quad, world
 
 LENGTH_M, WIDTH_M = 2.0, 0.05
@@ -97,3 +109,80 @@ def test_wide_level_and_other_facets_have_no_parts() -> None:
         ("metal", quad([[0, 9, 1], [2, 9, 1], [2, 9.05, 1], [0, 9.05, 1]])),
     ):
         assert len(slender_parts(world((material, "barrier", mesh)), key=0).width_m) == 0
+
+
+coordinates = st.tuples(*[st.floats(-1.0, 1.0, width=32)] * 3)
+
+
+def mesh_of(corners: NDArray) -> Mesh:
+    count = len(corners)
+    return Mesh(
+        vertices=corners.reshape(-1, 3).astype(np.float32),
+        faces=np.arange(3 * count, dtype=np.uint32).reshape(-1, 3),
+    )
+
+
+def areas(corners: NDArray) -> NDArray[np.float64]:
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+
+
+def longest_edges(corners: NDArray) -> NDArray[np.float64]:
+    sides = [np.linalg.norm(corners[:, (k + 1) % 3] - corners[:, k], axis=1) for k in range(3)]
+    return np.max(sides, axis=0)
+
+
+@st.composite
+def slender_triangle(draw: st.DrawFn) -> NDArray[np.float64]:
+    """An upright-ish triangle, 0.1 to 2 m long and 2 mm to 0.25 m wide, of any shape, at any angle."""
+    length, width = draw(st.floats(0.1, 2.0)), draw(st.floats(0.002, 0.25))
+    width = min(width, 0.8 * length)
+    foot = draw(st.floats(0.0, 1.0)) * length
+    yaw, roll = draw(st.floats(0.0, 6.28)), draw(st.floats(-1.0, 1.0))
+    along = np.array([math.sin(roll) * math.cos(yaw), math.sin(roll) * math.sin(yaw), math.cos(roll)])
+    aside = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
+    start = np.array(draw(coordinates)) * 5
+    corners = np.array([start, start + along * length, start + along * foot + aside * width])
+    return np.roll(corners, draw(st.integers(0, 2)), axis=0)[None].astype(np.float32).astype(np.float64)
+
+
+@given(slender_triangle(), st.integers(0, 1000))
+@settings(max_examples=60, deadline=None)
+def test_points_lie_in_their_facet_and_areas_add_up(corners: NDArray, seed: int) -> None:
+    parts = slender_parts(world(("metal", "fence", mesh_of(corners))), key=seed)
+    length = longest_edges(corners)[0]
+    count = max(math.ceil(length / PART_M), LEAST_PARTS)
+    assert count <= len(parts.area_m2) <= count + 1  # an edge may be longer by rounding
+    # Barycentric coordinates of the points, by solving corner sums.
+    a, b, c = corners[0]
+    shares = np.linalg.lstsq(np.stack([b - a, c - a], axis=1), (parts.point - a).T, rcond=None)[0]
+    assert shares.min() > -1e-4
+    assert shares.sum(axis=0).max() < 1 + 1e-4
+    off = np.abs((parts.point - a) @ (normal := np.cross(b - a, c - a)) / np.linalg.norm(normal))
+    assert off.max() < 1e-5
+    assert np.abs(parts.normal @ normal / np.linalg.norm(normal)) == pytest.approx(1, abs=1e-4)
+    # One point per part: the height of the facet rises once to its width and falls once, so that the sum is
+    # off by no more than 2 parts of length x width.
+    area = areas(corners)[0]
+    assert abs(float(parts.area_m2.sum()) - area) <= 2 / count * (2 * area) + 1e-6
+    assert parts.width_m == pytest.approx(facet_widths(corners)[0], rel=1e-3)
+
+
+@given(st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=1, max_size=8))
+@settings(max_examples=60, deadline=None)
+def test_width_is_the_least_height_of_a_triangle(triangles: list) -> None:
+    corners = np.array(triangles, np.float64)
+    doubled = 2 * areas(corners)
+    sides = np.array([np.linalg.norm(corners[:, (k + 1) % 3] - corners[:, k], axis=1) for k in range(3)])
+    heights = np.min(doubled / np.maximum(sides, 1e-9), axis=0)
+    np.testing.assert_allclose(facet_widths(corners), heights, rtol=1e-9, atol=1e-12)
+
+
+def test_curved_faces_have_no_parts() -> None:
+    normals = np.zeros((2, 3, 3), np.float32)
+    normals[0] = [-1, 0, 0]
+    half = replace(BAR, normals=normals)
+    assert is_slender(half, half.vertices[half.faces].astype(np.float64)).tolist() == [False, True]
+    assert len(slender_parts(world(("metal", "barrier", half)), key=0).width_m) == math.ceil(
+        math.hypot(LENGTH_M, WIDTH_M) / PART_M
+    )
+    assert not slender_parts(world(), key=0).area_m2.size
