@@ -135,15 +135,16 @@ class ReturnPaths:
     bounces: int
 
 
-_Bundle = TypeVar("_Bundle", RayBatch, RayReturns, ReturnPaths, Hits)
+_Bundle = TypeVar("_Bundle")
 _Vector = TypeVar("_Vector", "mi.Vector3f", "mi.Vector3d")
 
 
 def picked(arrays: _Bundle, index: "mi.UInt32") -> _Bundle:
     """Return some entries of a batch of rays, paths or hits.
 
-    Fields that are one array stay one array. Call `dr.eval` on the batch first: each array that is not
-    evaluated yet would cost another kernel.
+    Fields that are one array stay one array, and constants stay constants. Call `dr.eval` on the batch first:
+    each array that is not evaluated yet would cost another kernel. Fields of the result that nothing asks for
+    cost nothing.
 
     Args:
         arrays: Dataclass of evaluated Dr.Jit arrays (N).
@@ -160,7 +161,7 @@ def picked(arrays: _Bundle, index: "mi.UInt32") -> _Bundle:
 
 
 def joined(first: _Bundle, second: _Bundle) -> _Bundle:
-    """Return two batches of rays, paths or hits as one.
+    """Return two batches of rays, paths or hits as one; fields that are one array stay one array.
 
     Args:
         first: Dataclass of evaluated Dr.Jit arrays (N).
@@ -169,16 +170,22 @@ def joined(first: _Bundle, second: _Bundle) -> _Bundle:
     Returns:
         The same dataclass with arrays (N + M).
     """
-    pairs = {name: (value, getattr(second, name)) for name, value in vars(first).items()}
-    both = {name: _concatenated(*pair) if dr.is_array_v(pair[0]) else pair[0] for name, pair in pairs.items()}
-    return type(first)(**both)
+    taken: dict[int, Any] = {}
+    for name, value in vars(first).items():
+        if id(value) not in taken:
+            both = dr.is_array_v(value)
+            taken[id(value)] = _concatenated(value, getattr(second, name)) if both else value
+    return type(first)(**{name: taken[id(value)] for name, value in vars(first).items()})
 
 
 def _concatenated(first: Any, second: Any) -> Any:
-    """Return two Dr.Jit arrays, or arrays of vectors, as one."""
-    if dr.depth_v(first) == 1:
-        return dr.concat((first, second))
-    return type(first)(*(dr.concat((first[k], second[k])) for k in range(len(first))))
+    """Return two Dr.Jit arrays, or arrays of vectors, as one; a constant of both stays a constant."""
+    if dr.depth_v(first) > 1:
+        return type(first)(*(_concatenated(first[k], second[k]) for k in range(len(first))))
+    constant = first.state == second.state == dr.VarState.Literal
+    if constant and first[0] == second[0]:
+        return dr.full(type(first), first[0], len(first) + len(second))
+    return dr.concat((first, second))
 
 
 def primary_batch(

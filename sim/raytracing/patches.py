@@ -8,12 +8,12 @@ patch, on ground and on walls seen along, its power is divided evenly over the p
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.sim.raytracing.bounces import RayBatch, RayReturns, ReturnPaths, picked
+from echoscape.sim.raytracing.bounces import RayBatch, RayReturns, ReturnPaths
 from echoscape.sim.raytracing.intersection import Hits, rotated_about_z
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.surface.speckle import (
@@ -42,6 +42,59 @@ REGION_M = 2.0
 """Edge of the cells of the last surface in which rays count for the same ghost [m]."""
 _INDEX_BITS = 26
 """Lower bits of a sorting key, which number the samples; the other bits hash the patch."""
+
+
+@dataclass
+class Footprints:
+    """What N rays return, and the surface that each of them stands for, as Dr.Jit arrays.
+
+    Attributes:
+        out: Image of the reflecting point along the first leg, unfolded, double [m].
+        back: Its image along the last leg, double [m]; the same array where both legs coincide.
+        power: Mean received power before the azimuth gain [W].
+        drift: Rate of change of half the path length by moving surfaces [m/s].
+        length: Length of the path out to the surface, unfolded [m].
+        across: Edge of the footprint across the elevation of the ray [m].
+        along: Its edge along the elevation of the ray [m].
+        density: Rays per solid angle [1/sr].
+        azimuth: Number of the azimuth that the ray was sent for.
+        number: Number of the ray in its scan.
+        moving: Whether a surface on the path moves.
+        chain: Hash of the objects that reflected the ray.
+        planes: Hash of the planes in which it was reflected.
+        unfold_x: Image of the world's x axis behind the mirrors; likewise `unfold_y`, `unfold_z`.
+        local: Where the surface was met in the frame of its object, double [m].
+        cosine: Cosine of the angle that rotates this frame into the world, double.
+        sine: Sine of the same angle, double.
+        owner: Tells apart the speckle lattices of moving objects; 0 for all that is at rest.
+        material: Material id of the surface.
+        instance: Instance id of the surface.
+        bounces: Surfaces met out and back.
+    """
+
+    out: "mi.Point3d"
+    back: "mi.Point3d"
+    power: "mi.Float"
+    drift: "mi.Float"
+    length: "mi.Float"
+    across: "mi.Vector3f"
+    along: "mi.Vector3f"
+    density: "mi.Float"
+    azimuth: "mi.UInt32"
+    number: "mi.UInt32"
+    moving: "mi.Bool"
+    chain: "mi.UInt32"
+    planes: "mi.UInt32"
+    unfold_x: "mi.Vector3f"
+    unfold_y: "mi.Vector3f"
+    unfold_z: "mi.Vector3f"
+    local: "mi.Point3d"
+    cosine: "mi.Float64"
+    sine: "mi.Float64"
+    owner: "mi.UInt32"
+    material: "mi.UInt32"
+    instance: "mi.UInt32"
+    bounces: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,68 +132,97 @@ class _Groups:
 class PatchSums:
     """Sums what rays return by patch, and gives each patch its speckle."""
 
-    def __init__(self, *, azimuths: int, least_w: float, seed: int) -> None:
+    def __init__(self, *, azimuths: int, floor_w: float, seed: int) -> None:
         """Prepare the texture of all materials.
 
         Args:
             azimuths: Number of azimuths of a scan.
-            least_w: Power below which a sample, and a patch, is left out [W].
+            floor_w: Power below which a patch is left out [W].
             seed: Decides speckle and texture.
         """
         self._row_rad = 2 * math.pi / azimuths
         self._middle_azimuth = azimuths // 2
-        self._least_w = least_w
+        self._floor_w = floor_w
         self._seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
         self._texture = Texture()
 
-    def paths(
-        self, found: RayReturns, rays: RayBatch, hits: Hits, antenna: "mi.Point3d"
-    ) -> ReturnPaths | None:
-        """Return the paths of all patches.
+    def footprints(self, found: RayReturns, rays: RayBatch, hits: Hits) -> Footprints:
+        """Return the footprints of rays that return something.
 
         Args:
             found: What the rays return (N).
             rays: The rays (N).
             hits: What they met (N).
-            antenna: Position of the antenna for each ray (N) [m].
+
+        Returns:
+            Their footprints (N), evaluated.
+        """
+        length = mi.Float(rays.travelled + hits.distance)
+        across, along = _edges(rays, hits, length, self._row_rad)
+        prints = Footprints(
+            out=found.out,
+            back=found.back,
+            power=found.power,
+            drift=found.drift,
+            length=length,
+            across=across,
+            along=along,
+            density=rays.density,
+            azimuth=rays.azimuth,
+            number=rays.number,
+            moving=rays.moved | (hits.owner != 0),
+            chain=rays.chain,
+            planes=rays.planes,
+            unfold_x=rays.unfold_x,
+            unfold_y=rays.unfold_y,
+            unfold_z=rays.unfold_z,
+            local=hits.local,
+            cosine=hits.cosine,
+            sine=hits.sine,
+            owner=hits.owner,
+            material=hits.material,
+            instance=hits.instance,
+            bounces=found.bounces,
+        )
+        dr.eval(prints)
+        return prints
+
+    def paths(self, prints: Footprints, position: "mi.Float64") -> ReturnPaths | None:
+        """Return the paths of all patches.
+
+        Args:
+            prints: What rays return (N).
+            position: Positions of the antenna, x, y, z of each azimuth in turn (3 A,) [m].
 
         Returns:
             A path per patch, in no order that matters but the same one always; None where nothing returns.
         """
-        dr.eval(found.power)
-        index = dr.compress(found.power > self._least_w)
-        if len(index) == 0:
-            return None
-        dr.eval(found, antenna)
-        found, rays, hits = picked(found, index), picked(rays, index), picked(hits, index)
-        antenna = dr.gather(type(antenna), antenna, index)
-        if found.bounces > 1:
-            found.power = found.power * mi.Float(self._supported(rays, hits))
-        samples = self._samples(found, rays, hits)
-        groups = self._groups(samples, found, rays, hits)
-        return self._speckled(groups, samples, found, rays, hits, antenna)
+        if prints.bounces > 1:
+            prints = replace(prints, power=prints.power * mi.Float(self._supported(prints)))
+        samples = self._samples(prints)
+        groups = self._groups(samples, prints)
+        return self._speckled(groups, samples, prints, position) if groups else None
 
-    def _supported(self, rays: RayBatch, hits: Hits) -> NDArray[np.float32]:
+    def _supported(self, prints: Footprints) -> NDArray[np.float32]:
         """Return the share of its power that each ray of a ghost keeps (N,), by the ghost's solid angle."""
-        edge = dr.full(mi.Float64, REGION_M, dr.width(hits.instance))
-        key = lattice_key(hits.local, edge, hash32(hits.instance ^ rays.chain))
+        edge = dr.full(mi.Float64, REGION_M, dr.width(prints.instance))
+        key = lattice_key(prints.local, edge, hash32(prints.instance ^ prints.chain))
         dr.eval(key)
         _, region, count = np.unique(key.numpy(), return_inverse=True, return_counts=True)
-        solid_sr = np.bincount(region, 1 / rays.density.numpy().astype(np.float64))
+        solid_sr = np.bincount(region, 1 / prints.density.numpy().astype(np.float64))
         share = np.maximum(solid_sr - LEAST_SOLID_SR, 0) / solid_sr
         share *= np.maximum(count - LEAST_RAYS, 0) / count
         return share[region].astype(np.float32)
 
-    def _samples(self, found: RayReturns, rays: RayBatch, hits: Hits) -> _Samples:
+    def _samples(self, prints: Footprints) -> _Samples:
         """Divide the footprint of each ray into samples, evenly across and along its elevation."""
-        length = mi.Float(rays.travelled + hits.distance)
-        across, along = _footprint(rays, hits, length, self._row_rad)
-        edge = mi.Float(patch_edge_m(length))
+        across, along = prints.across, prints.along
+        edge = mi.Float(patch_edge_m(prints.length))
         wide = dr.maximum(dr.norm(mi.Vector2f(along.x, along.y)), dr.abs(along.z) * (1 / PATCH_HEIGHT))
         columns = mi.UInt32(dr.clip(dr.ceil(dr.norm(across) / edge), 1, MOST_ACROSS))
         steps = mi.UInt32(dr.clip(dr.ceil(wide / edge), 1, MOST_ALONG))
         count = columns * steps
-        dr.eval(across, along, columns, steps, count)
+        dr.eval(columns, steps, count)
         counts = count.numpy()
         ray = np.repeat(np.arange(len(counts), dtype=np.uint32), counts)
         number = np.arange(len(ray), dtype=np.uint32) - (np.cumsum(counts) - counts).astype(np.uint32)[ray]
@@ -151,51 +233,51 @@ class PatchSums:
         right = (mi.Float(column) + 0.5) / mi.Float(columns_) - 0.5
         up = (mi.Float(step) + 0.5) / mi.Float(steps_) - 0.5
         offset = dr.gather(mi.Vector3f, across, ray_) * right + dr.gather(mi.Vector3f, along, ray_) * up
-        power = dr.gather(mi.Float, found.power, ray_) / mi.Float(columns_ * steps_)
+        power = dr.gather(mi.Float, prints.power, ray_) / mi.Float(columns_ * steps_)
         return _Samples(ray=ray_, offset=offset, power=power)
 
-    def _local(self, samples: _Samples, hits: Hits) -> "mi.Point3d":
+    def _local(self, samples: _Samples, prints: Footprints) -> "mi.Point3d":
         """Return the samples in the frames of their objects [m]."""
-        cosine, sine = (dr.gather(mi.Float64, value, samples.ray) for value in (hits.cosine, hits.sine))
+        cosine, sine = (dr.gather(mi.Float64, value, samples.ray) for value in (prints.cosine, prints.sine))
         aside = rotated_about_z(mi.Vector3d(samples.offset), cosine, -sine)
-        return dr.gather(mi.Point3d, hits.local, samples.ray) + aside
+        return dr.gather(mi.Point3d, prints.local, samples.ray) + aside
 
-    def _edge(self, samples: _Samples, rays: RayBatch, hits: Hits) -> "mi.Float64":
+    def _edge(self, samples: _Samples, prints: Footprints) -> "mi.Float64":
         """Return the edges of the patches that samples belong to [m]."""
-        travelled, distance = (
-            dr.gather(mi.Float64, value, samples.ray) for value in (rays.travelled, hits.distance)
-        )
-        return patch_edge_m(mi.Float(travelled + distance))
+        return patch_edge_m(dr.gather(mi.Float, prints.length, samples.ray))
 
-    def _images(
-        self, samples: _Samples, found: RayReturns, rays: RayBatch
-    ) -> "tuple[mi.Point3d, mi.Point3d | None]":
+    def _images(self, samples: _Samples, prints: Footprints) -> "tuple[mi.Point3d, mi.Point3d | None]":
         """Return the images of samples along the first and the last leg [m]."""
         axes = (
             dr.gather(mi.Vector3f, axis, samples.ray)
-            for axis in (rays.unfold_x, rays.unfold_y, rays.unfold_z)
+            for axis in (prints.unfold_x, prints.unfold_y, prints.unfold_z)
         )
         x, y, z = axes
         unfolded = mi.Vector3d(x * samples.offset.x + y * samples.offset.y + z * samples.offset.z)
-        out = mi.Point3d(dr.gather(type(found.out), found.out, samples.ray)) + unfolded
-        if found.back is found.out:
+        out = mi.Point3d(dr.gather(type(prints.out), prints.out, samples.ray)) + unfolded
+        if prints.back is prints.out:
             return out, None
-        back = mi.Point3d(dr.gather(type(found.back), found.back, samples.ray))
+        back = mi.Point3d(dr.gather(type(prints.back), prints.back, samples.ray))
         return out, back + mi.Vector3d(samples.offset)
 
-    def _groups(self, samples: _Samples, found: RayReturns, rays: RayBatch, hits: Hits) -> _Groups:
-        """Sum samples by patch: equal keys lie side by side once sorted, samples of one patch by number."""
-        edge = self._edge(samples, rays, hits)
-        owner, instance = (dr.gather(mi.UInt32, value, samples.ray) for value in (hits.owner, hits.instance))
-        base = patch_key(self._local(samples, hits), edge, owner, self._seed)
-        path = hash32(instance ^ dr.gather(mi.UInt32, rays.planes, samples.ray))
+    def _groups(self, samples: _Samples, prints: Footprints) -> _Groups | None:
+        """Sum samples by patch: equal keys lie side by side once sorted, samples of one patch by number.
+
+        None where no patch is above the floor.
+        """
+        edge = self._edge(samples, prints)
+        owner, instance = (
+            dr.gather(mi.UInt32, value, samples.ray) for value in (prints.owner, prints.instance)
+        )
+        base = patch_key(self._local(samples, prints), edge, owner, self._seed)
+        path = hash32(instance ^ dr.gather(mi.UInt32, prints.planes, samples.ray))
         # Both ends of the scan see the same surfaces, a revolution apart.
-        late = mi.UInt32(dr.gather(mi.UInt32, rays.azimuth, samples.ray) >= self._middle_azimuth)
+        late = mi.UInt32(dr.gather(mi.UInt32, prints.azimuth, samples.ray) >= self._middle_azimuth)
         high = hash32(base ^ path ^ late)
         low = hash32(base + 0x9E3779B9 ^ path)
         key = (mi.UInt64(high) << 32) | (mi.UInt64(low >> _INDEX_BITS) << _INDEX_BITS)
         key |= mi.UInt64(dr.arange(mi.UInt32, dr.width(high)))
-        out, back = self._images(samples, found, rays)
+        out, back = self._images(samples, prints)
         dr.eval(key, out, back, samples.power)
         keys = np.sort(key.numpy())
         patch = keys >> np.uint64(_INDEX_BITS)
@@ -213,8 +295,14 @@ class PatchSums:
         order: NDArray[np.uint32],
         starts: NDArray[np.uint32],
         counts: NDArray[np.uint32],
-    ) -> _Groups:
-        """Sum powers and mean images of patches, each over its samples in order."""
+    ) -> _Groups | None:
+        """Sum powers and mean images of patches, each over its samples in order.
+
+        Patches of about as many samples lie side by side, since a vector of patches takes as long as the
+        largest of them.
+        """
+        by_count = np.argsort(counts.astype(np.uint16), kind="stable")
+        starts, counts = starts[by_count], counts[by_count]
         order_, start, count = mi.UInt32(order), mi.UInt32(starts), mi.UInt32(counts)
         first = dr.gather(mi.UInt32, order_, start)
         zero = dr.zeros(mi.Float64, len(starts))
@@ -235,20 +323,18 @@ class PatchSums:
         _, total, *sums = dr.while_loop(
             state=state, cond=lambda step, *_: step < count, body=add, label="patches"
         )
+        power = mi.Float(total)
         means = [mi.Point3d(anchor + moved / total) for anchor, moved in zip(anchors, sums, strict=True)]
-        dr.eval(first, total, *means)
-        return _Groups(
-            first=first, power=mi.Float(total), out=means[0], back=means[1] if len(means) > 1 else None
-        )
+        dr.eval(first, power, *means)
+        index = dr.compress(power > self._floor_w)
+        if len(index) == 0:
+            return None
+        first, power, *means = (dr.gather(type(each), each, index) for each in (first, power, *means))
+        dr.eval(first, power, *means)
+        return _Groups(first=first, power=power, out=means[0], back=means[1] if len(means) > 1 else None)
 
     def _speckled(
-        self,
-        groups: _Groups,
-        samples: _Samples,
-        found: RayReturns,
-        rays: RayBatch,
-        hits: Hits,
-        antenna: "mi.Point3d",
+        self, groups: _Groups, samples: _Samples, prints: Footprints, position: "mi.Float64"
     ) -> ReturnPaths:
         """Return the path of each patch, with the phase and the reflectivity of its scatterer."""
         first = groups.first
@@ -257,22 +343,23 @@ class PatchSums:
             offset=dr.gather(mi.Vector3f, samples.offset, first),
             power=groups.power,
         )
-        edge, local = self._edge(one, rays, hits), self._local(one, hits)
+        edge, local = self._edge(one, prints), self._local(one, prints)
         ray = one.ray
-        owner = dr.gather(mi.UInt32, hits.owner, ray)
+        owner = dr.gather(mi.UInt32, prints.owner, ray)
         key = patch_key(local, edge, owner, self._seed)
         real, imag = reflectivity(key)
         aside = scatterer_offset(local, edge, key)
-        material = dr.gather(mi.UInt32, hits.material, ray)
+        material = dr.gather(mi.UInt32, prints.material, ray)
         texture = self._texture.amplitude(
             material, local + aside, owner, self._seed, dr.full(mi.Bool, True, dr.width(first))
         )
-        cosine, sine = (dr.gather(mi.Float64, value, ray) for value in (hits.cosine, hits.sine))
+        cosine, sine = (dr.gather(mi.Float64, value, ray) for value in (prints.cosine, prints.sine))
         turned = mi.Vector3f(rotated_about_z(aside, cosine, sine))
         out, back = groups.out, groups.back
         scatterer = _Samples(ray=ray, offset=one.offset + turned, power=one.power)
-        scatterer_out, scatterer_back = self._images(scatterer, found, rays)
-        here = dr.gather(mi.Point3d, antenna, ray)
+        scatterer_out, scatterer_back = self._images(scatterer, prints)
+        azimuth = dr.gather(mi.UInt32, prints.azimuth, ray)
+        here = mi.Point3d(dr.gather(mi.Vector3d, position, azimuth))
         beyond = dr.norm(scatterer_out - here) - dr.norm(out - here)
         if back is not None:
             beyond = (beyond + dr.norm(scatterer_back - here) - dr.norm(back - here)) * 0.5
@@ -283,13 +370,13 @@ class PatchSums:
             power=one.power,
             real=real * texture,
             imag=imag * texture,
-            drift=dr.gather(mi.Float, found.drift, ray),
-            azimuth=dr.gather(mi.UInt32, rays.azimuth, ray),
-            number=dr.gather(mi.UInt32, rays.number, ray),
+            drift=dr.gather(mi.Float, prints.drift, ray),
+            azimuth=azimuth,
+            number=dr.gather(mi.UInt32, prints.number, ray),
             material=material,
-            instance=dr.gather(mi.UInt32, hits.instance, ray),
-            moving=dr.gather(mi.Bool, rays.moved, ray) | (owner != 0),
-            bounces=found.bounces,
+            instance=dr.gather(mi.UInt32, prints.instance, ray),
+            moving=dr.gather(mi.Bool, prints.moving, ray),
+            bounces=prints.bounces,
         )
 
 
@@ -298,7 +385,7 @@ def _at(points: "mi.Point3d", index: "mi.UInt32") -> "mi.Vector3d":
     return mi.Vector3d(dr.gather(type(points), points, index))
 
 
-def _footprint(
+def _edges(
     rays: RayBatch, hits: Hits, length: "mi.Float", row_rad: float
 ) -> "tuple[mi.Vector3f, mi.Vector3f]":
     """Return the surface that each ray stands for, as its edges across and along elevation (N) [m].

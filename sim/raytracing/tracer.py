@@ -20,7 +20,7 @@ from echoscape.sim.raytracing.bounces import BounceSampler, RayBatch, RayReturns
 from echoscape.sim.raytracing.displacement import Tolerance, displaced, tolerance
 from echoscape.sim.raytracing.intersection import Hits, RayScene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
-from echoscape.sim.raytracing.patches import PatchSums
+from echoscape.sim.raytracing.patches import Footprints, PatchSums
 from echoscape.sim.raytracing.ray_sampling import PrimaryHits, PrimaryRays
 from echoscape.sim.raytracing.scan_state import ScanState
 from echoscape.sim.raytracing.surface.scattering import Surfaces
@@ -90,8 +90,9 @@ class Tracer:
         self._floor_w = (
             floor_units / units_per_watt(sensor) / 10 ** (max(y for _, y in sensor.range_gain_db) / 10)
         )
+        self._least_w = self._floor_w / SAMPLES_BELOW
         self._beam = BeamWeighting(sensor, antenna, floor_w=self._floor_w)
-        self._patches = PatchSums(azimuths=sensor.azimuths, least_w=self._floor_w / SAMPLES_BELOW, seed=seed)
+        self._patches = PatchSums(azimuths=sensor.azimuths, floor_w=self._floor_w, seed=seed)
         self._slender = None
         if at_rest:
             self._slender = SlenderFacets(at_rest, sensor, antenna, seed=seed, draw=settings.draw)
@@ -131,24 +132,17 @@ class Tracer:
         received: list[tuple[ReturnPaths, BeamEchoes] | None] = []
         met: list[_Met] = []
         for depth in range(1, max_bounces + 1):
-            index = dr.compress(hits.active)
-            if len(index) == 0:
-                break
-            rays, hits = picked(rays, index), picked(hits, index)
             from_targets = rays.only_targets
-            rays.only_targets = from_targets & dr.gather(mi.Bool, self._coherent, hits.instance)
-            dr.eval(rays, hits)
-            heard = self._heard(hits)
+            rays, heard = self._heard(rays, hits)
+            met.append(_Met.of(rays, hits, count=self._primary.count))
             if depth == 1:
-                seen, surfaces = self._with_aimed(state, rays, heard)
-                met.append(_Met.of(seen, surfaces))
-                received.append(self._direct_echoes(state, seen, surfaces))
+                received.append(self._direct_echoes(state, rays, heard))
             else:
-                met.append(_Met.of(rays, hits))
                 if 2 * depth - 1 <= max_bounces:
-                    mirrored = self._bounces.same_path_returns(rays, heard, depth=depth)
-                    received.append(self._patch_echoes(state, mirrored, rays, heard))
-                received.append(self._loop_echoes(state, rays, heard, from_targets, depth=depth))
+                    prints = self._same_path_footprints(rays, heard, depth=depth)
+                    received.append(self._patch_echoes(state, prints))
+                prints = self._loop_footprints(state, rays, heard, from_targets, depth=depth)
+                received.append(self._patch_echoes(state, prints))
             if depth < max_bounces:
                 onward = self._reflected(rays, hits, depth=depth)
                 if onward is None:
@@ -180,78 +174,104 @@ class Tracer:
         dr.eval(rays, hits)
         return hits
 
-    def _heard(self, hits: Hits) -> Hits:
-        """Return hits without those on coherent targets: all that these return is in their phase sums."""
-        if not self._targets.instances:
-            return hits
-        return replace(hits, active=hits.active & ~dr.gather(mi.Bool, self._coherent, hits.instance))
+    def _heard(self, rays: RayBatch, hits: Hits) -> tuple[RayBatch, Hits]:
+        """Mark rays that met coherent targets alone so far, and drop hits on these.
 
-    def _with_aimed(self, state: ScanState, rays: RayBatch, hits: Hits) -> tuple[RayBatch, Hits]:
-        """Add the rays that meet the slender facets that they were aimed at."""
-        aimed = None
-        if self._slender:
-            aimed = self._slender.aimed_rays(state, first_number=self._primary.count)
-        if aimed is None:
-            return rays, hits
-        found = self._intersect(state.ray_scene, aimed.rays)
-        met = found.active & (dr.abs(found.distance - aimed.range_m) < 1e-3) & (found.width > 0)
-        index = dr.compress(met)
-        if len(index) == 0:
-            return rays, hits
-        aimed_rays, found = picked(aimed.rays, index), picked(found, index)
-        aimed_rays.only_targets = dr.gather(mi.Bool, self._coherent, found.instance)
-        dr.eval(aimed_rays)
-        return joined(rays, aimed_rays), joined(hits, found)
+        All that coherent targets return is in their phase sums.
+        """
+        if not self._targets.instances:
+            return replace(rays, only_targets=dr.zeros(mi.Bool, dr.width(rays.number))), hits
+        on_target = dr.gather(mi.Bool, self._coherent, hits.instance)
+        rays = replace(rays, only_targets=rays.only_targets & on_target)
+        hits = replace(hits, active=hits.active & ~on_target)
+        dr.eval(rays.only_targets, hits.active)
+        return rays, hits
 
     def _direct_echoes(
         self, state: ScanState, rays: RayBatch, hits: Hits
     ) -> tuple[ReturnPaths, BeamEchoes] | None:
         """Return the direct echoes; where rays are aimed at what a ray met, it counts for the rest only."""
-        direct = self._bounces.same_path_returns(rays, hits, depth=1)
         cosine = dr.abs(mi.Float(dr.dot(hits.normal, rays.direction)))
         share = aimed_share(hits.width, mi.Float(hits.distance), cosine)
-        direct.power = direct.power * dr.select(self._primary.inside(rays.number), 1 - share, 1)
-        return self._patch_echoes(state, direct, rays, hits)
+        share = dr.select(self._primary.inside(rays.number), 1 - share, 1)
+        prints = [self._same_path_footprints(rays, hits, depth=1, share=share), self._aimed_footprints(state)]
+        found = [each for each in prints if each]
+        return self._patch_echoes(state, joined(*found) if len(found) > 1 else found[0] if found else None)
+
+    def _aimed_footprints(self, state: ScanState) -> Footprints | None:
+        """Return what slender facets return to the rays aimed at them, None where nothing is."""
+        if self._slender is None:
+            return None
+        aimed = self._slender.aimed_rays(state, first_number=self._primary.count)
+        if aimed is None:
+            return None
+        rays, hits = aimed.rays, self._intersect(state.ray_scene, aimed.rays)
+        met = hits.active & (dr.abs(hits.distance - aimed.range_m) < 1e-3) & (hits.width > 0)
+        hits = replace(hits, active=met)
+        dr.eval(hits.active)
+        return self._same_path_footprints(*self._heard(rays, hits), depth=1)
+
+    def _same_path_footprints(
+        self, rays: RayBatch, hits: Hits, *, depth: int, share: "mi.Float | float" = 1.0
+    ) -> Footprints | None:
+        """Return the footprints of rays whose power along their outward path, times `share`, counts."""
+        power = self._bounces.same_path_returns(rays, hits, depth=depth).power * share
+        dr.eval(power)
+        index = dr.compress(power > self._least_w)
+        if len(index) == 0:
+            return None
+        rays, hits = picked(rays, index), picked(hits, index)
+        found = self._bounces.same_path_returns(rays, hits, depth=depth)
+        found.power = dr.gather(mi.Float, power, index)
+        return self._patches.footprints(found, rays, hits)
 
     def _patch_echoes(
-        self, state: ScanState, found: RayReturns, rays: RayBatch, hits: Hits
+        self, state: ScanState, prints: Footprints | None
     ) -> tuple[ReturnPaths, BeamEchoes] | None:
         """Sum what rays return by patch of surface, and return the echoes of the patches."""
-        antenna = mi.Point3d(dr.gather(mi.Vector3d, state.pose_tables.position, rays.azimuth))
-        paths = self._patches.paths(found, rays, hits, antenna)
+        paths = self._patches.paths(prints, state.pose_tables.position) if prints else None
         return self._beam.echoes(paths, state.pose_tables) if paths else None
 
-    def _loop_echoes(
+    def _loop_footprints(
         self, state: ScanState, rays: RayBatch, hits: Hits, from_targets: "mi.Bool", *, depth: int
-    ) -> tuple[ReturnPaths, BeamEchoes] | None:
-        """Return the echoes of loops above the floor whose last leg is free, None where there are none.
+    ) -> Footprints | None:
+        """Return the footprints of loops that count and whose last leg is free, None where there are none.
 
         Where rays come from coherent targets alone (`from_targets`), the mirror part of the last surface is
         in the phase sums of these targets.
         """
         poses = state.pose_tables
-        antenna = mi.Point3d(dr.gather(mi.Vector3d, poses.position, rays.azimuth))
-        loops = self._bounces.loop_returns(
-            rays, hits, antenna, poses.axis(rays.azimuth), mirrored=~from_targets, depth=depth
-        )
+
+        def returns(rays: RayBatch, hits: Hits, from_targets: "mi.Bool") -> RayReturns:
+            antenna = mi.Point3d(dr.gather(mi.Vector3d, poses.position, rays.azimuth))
+            axis = poses.axis(rays.azimuth)
+            return self._bounces.loop_returns(rays, hits, antenna, axis, mirrored=~from_targets, depth=depth)
+
+        loops = returns(rays, hits, from_targets)
         gain = self._beam.largest_loop_gain(loops, rays.azimuth, poses)
-        strong = loops.power * gain * SAMPLES_BELOW > self._floor_w
-        start = hits.point + hits.normal * 1e-3
-        dr.eval(loops, strong, start, antenna)
+        strong = (loops.power > self._least_w) & (loops.power * gain > self._least_w)
+        dr.eval(loops.power, strong)
         index = dr.compress(strong)
+        if len(index):
+            hidden = self._hidden_from_antenna(state, picked(rays, index), picked(hits, index))
+            index = dr.gather(mi.UInt32, index, dr.compress(~hidden))
         if len(index) == 0:
             return None
-        loops, rays, hits = picked(loops, index), picked(rays, index), picked(hits, index)
-        start, antenna = (dr.gather(type(each), each, index) for each in (start, antenna))
+        rays, hits = picked(rays, index), picked(hits, index)
+        found = returns(rays, hits, dr.gather(mi.Bool, from_targets, index))
+        found.power = dr.gather(mi.Float, loops.power, index)
+        return self._patches.footprints(found, rays, hits)
+
+    def _hidden_from_antenna(self, state: ScanState, rays: RayBatch, hits: Hits) -> "mi.Bool":
+        """Return whether anything lies between the antenna and what rays met (N)."""
+        antenna = mi.Point3d(dr.gather(mi.Vector3d, state.pose_tables.position, rays.azimuth))
+        start = hits.point + hits.normal * 1e-3
         home = antenna - start
         length = dr.norm(home)
-        active = dr.full(mi.Bool, True, len(index))
+        active = dr.full(mi.Bool, True, dr.width(rays.azimuth))
         hidden = state.ray_scene.occluded(start, home / length, rays.azimuth, mi.Float(length), active)
-        dr.eval(loops, hidden)
-        index = dr.compress(~hidden)
-        if len(index) == 0:
-            return None
-        return self._patch_echoes(state, picked(loops, index), picked(rays, index), picked(hits, index))
+        dr.eval(hidden)
+        return hidden
 
     def _reflected(self, rays: RayBatch, hits: Hits, *, depth: int) -> RayBatch | None:
         """Return the reflected rays that are worth following, None where there are none.
@@ -265,28 +285,34 @@ class Tracer:
         chance = dr.select(onward.weight > 1e-6, dr.clip(chance, LEAST_CHANCE, 1), 0)
         salt = hash32(mi.UInt32(0x51ED270B * depth) ^ self._draw)
         draw = mi.Float(hash32(rays.number ^ salt) >> 8) * (1.0 / 16777216.0)
-        onward.density = rays.density * chance
         kept = draw < chance
-        dr.eval(onward, kept)
+        dr.eval(chance, kept)
         index = dr.compress(kept)
-        return picked(onward, index) if len(index) else None
+        if len(index) == 0:
+            return None
+        onward = self._bounces.mirror_rays(picked(rays, index), picked(hits, index))
+        onward.density = onward.density * dr.gather(mi.Float, chance, index)
+        return onward
 
 
 @dataclass(frozen=True)
 class _Met:
-    """What rays met at one depth: ray numbers (N,), increasing, instances (N,), points (N) [m]."""
+    """What rays met at one depth: instances (N), points (N) [m], and where in these each ray number is."""
 
-    number: NDArray[np.uint32]
-    instance: NDArray[np.uint32]
+    instance: "mi.UInt32"
     point: "mi.Point3d"
+    place: "mi.UInt32"
 
     @staticmethod
-    def of(rays: RayBatch, hits: Hits) -> "_Met":
-        return _Met(rays.number.numpy(), hits.instance.numpy(), hits.point)
+    def of(rays: RayBatch, hits: Hits, *, count: int) -> "_Met":
+        place = dr.zeros(mi.UInt32, count)
+        dr.scatter(place, dr.arange(mi.UInt32, dr.width(rays.number)), rays.number)
+        return _Met(hits.instance, hits.point, place)
 
-    def points(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return some of the points (3, K) [m]."""
-        return dr.gather(type(self.point), self.point, mi.UInt32(index.astype(np.uint32))).numpy()
+    def by_number(self, number: "mi.UInt32") -> tuple["mi.UInt32", "mi.Point3d"]:
+        """Return instances and points [m] of rays."""
+        index = dr.gather(mi.UInt32, self.place, number)
+        return dr.gather(mi.UInt32, self.instance, index), dr.gather(type(self.point), self.point, index)
 
 
 def _returns(
@@ -296,18 +322,21 @@ def _returns(
 
     `antenna` is its position at each azimuth (azimuths, 3) [m].
     """
-    number, count = paths.number.numpy(), dr.width(paths.azimuth)
+    count = dr.width(paths.azimuth)
     depth = paths.bounces if paths.back is not paths.out else (paths.bounces + 1) // 2
-    found = [np.searchsorted(each.number, number) for each in met[:depth]]
-    surfaces = [each.instance[index] for each, index in zip(met, found, strict=False)]
+    instance = paths.instance.numpy()
+    surfaces = [instance]
     wrong = np.zeros(count, np.bool_)
     if depth > 1:
         here = antenna.T[:, paths.azimuth.numpy()]
-        points = [each.points(index) - here for each, index in zip(met, found, strict=False)]
+        reached = [each.by_number(paths.number) for each in met[:depth]]
+        dr.eval(reached)
+        surfaces = [surface.numpy() for surface, _ in reached]
+        points = [point.numpy() - here for _, point in reached]
         wrong = displaced(paths.out.numpy() - here, paths.back.numpy() - here, points, allowed)
     return Returns(
         bounces=np.full(count, paths.bounces, np.uint8),
-        instance=paths.instance.numpy(),
+        instance=instance,
         material=paths.material.numpy().astype(np.uint8),
         moving=paths.moving.numpy(),
         surfaces=np.stack(surfaces, axis=1),
