@@ -60,7 +60,7 @@ def test_rays_carry_the_energy_of_the_beam(law: LawRecorder) -> None:
     found = np.mean([row_power(echoes, row) for row in range(60, 340)])
     epsilon = 3.0 - 17.98j * 0.00015 * 76.5**2.52 / 76.5
     gamma2 = abs((1 - np.sqrt(epsilon)) / (1 + np.sqrt(epsilon))) ** 2
-    link = 0.02 * 10**5.4 * (299792458 / 76.5e9) ** 2 / (4 * math.pi) ** 2
+    link = 0.02 * 10**5.5 * (299792458 / 76.5e9) ** 2 / (4 * math.pi) ** 2
     expected = link * gamma2 / math.pi / 20.0**2 * two_way_energy_sr()
     law(
         "Rough sphere around the radar: power of an azimuth",
