@@ -8,7 +8,7 @@ of one scan is smaller by the root of 2.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +18,7 @@ from benchmarks.machine import description
 from echoscape.eval.fidelity.scan_statistics import far_medians, spoke_azimuths
 from echoscape.scenes.town.presets import PRESETS
 from echoscape.sim.generation.config import SimulationConfig
-from echoscape.sim.generation.setup import SceneSetup, add_traffic, build_scene
-from echoscape.sim.sensor.cts350x import CTS350X
-from echoscape.sim.settings.artefacts import Artefacts
+from echoscape.sim.generation.setup import add_traffic, build_scene
 from echoscape.sim.settings.tracing import TraceSettings
 from echoscape.sim.simulator import Simulator
 
@@ -136,49 +134,59 @@ def _rms(levels_db: NDArray[np.float64], least_db: float) -> float:
 
 
 def drawn_codes(
-    setup: SceneSetup,
+    simulator: Callable[[TraceSettings], Simulator],
     *,
-    seed: int,
     scan: int,
     draws: Sequence[int],
     rays: int = TraceSettings.rays,
-    artefacts: Artefacts | None = None,
 ) -> list[NDArray[np.uint8]]:
     """Simulate a scan with several draws of ray directions.
 
     Args:
-        setup: World, drive and traffic.
-        seed: Seed of the simulation.
+        simulator: Makes the simulator with given settings of rays.
         scan: Number of the scan.
         draws: Numbers of the draws.
         rays: Rays an azimuth.
-        artefacts: Strengths of the effects; None is all.
 
     Returns:
         Codes (azimuths, bins) of each.
     """
     found: list[NDArray[np.uint8]] = []
     for draw in draws:
-        settings = TraceSettings(rays=rays, draw=draw)
-        simulator = Simulator(
-            setup.scene, setup.drive, setup.movers, seed=seed, settings=settings, artefacts=artefacts
-        )
-        found.append(simulator.scans(scan, [simulator.artefacts], truth=False)[0].codes)
+        made = simulator(TraceSettings(rays=rays, draw=draw))
+        found.append(made.scans(scan, [made.artefacts], truth=False)[0].codes)
     return found
 
 
-def preset_setup(preset: str, *, seed: int) -> SceneSetup:
-    """Return a preset with its drive and traffic.
+def preset_difference(
+    preset: str,
+    *,
+    seed: int = 11,
+    scan: int = 1,
+    draws: Sequence[int] = (0, 1),
+    rays: int = TraceSettings.rays,
+) -> DrawStatistics:
+    """Compare two draws of a scan of a preset, with its traffic and all effects.
 
     Args:
         preset: Name of the preset.
-        seed: Seed of town, drive and traffic.
+        seed: Seed of town, drive, traffic and simulation.
+        scan: Number of the scan.
+        draws: Numbers of the two draws.
+        rays: Rays an azimuth.
 
     Returns:
-        What the scans see.
+        How the scans differ.
     """
-    config = SimulationConfig(preset=preset, seed=seed, scans=16)
-    return add_traffic(build_scene(config), config)
+    config = SimulationConfig(preset=preset, seed=seed, scans=scan + 1)
+    setup = add_traffic(build_scene(config), config)
+    first, second = drawn_codes(
+        lambda settings: Simulator(setup.scene, setup.drive, setup.movers, seed=seed, settings=settings),
+        scan=scan,
+        draws=draws,
+        rays=rays,
+    )
+    return difference(first, second, bin_m=config.sensor.bin_m)
 
 
 def table_row(preset: str, found: DrawStatistics) -> str:
@@ -222,14 +230,10 @@ def main() -> None:
     print("| preset | power, rms [dB] | correlation | cells, rms [dB] | mean power [dB] | spokes in common |")
     print("|---|---|---|---|---|---|")
     for preset in options.presets:
-        codes = drawn_codes(
-            preset_setup(preset, seed=options.seed),
-            seed=options.seed,
-            scan=options.scan,
-            draws=options.draws,
-            rays=options.rays,
+        found = preset_difference(
+            preset, seed=options.seed, scan=options.scan, draws=options.draws, rays=options.rays
         )
-        print(table_row(preset, difference(*codes, bin_m=CTS350X.bin_m)), flush=True)
+        print(table_row(preset, found), flush=True)
 
 
 if __name__ == "__main__":
