@@ -114,8 +114,8 @@ def test_box_keeps_the_normals_of_its_faces() -> None:
 
 
 def test_a_moving_object_is_sought_within_its_sphere_only() -> None:
-    # The shapes of moving objects stand side by side in a scene of their own. A ray over the low one goes on to
-    # where the high one stands there, before or behind it, and meets neither.
+    # The shapes of moving objects stand side by side in a scene of their own. A ray over the low one goes on
+    # to where the high one stands there, before or behind it, and meets neither.
     low = prototype("low", "car", {"metal": box((4.0, 4.0, 0.4))})
     high = prototype("high", "car", {"metal": box((4.0, 4.0, 6.0))})
     elsewhere = np.array([0.0, 80.0])
