@@ -27,8 +27,9 @@ town = world(
     ("metal", "wall", plate([30.0, 0, 5.0], [-1, 0.1], 120.0, 10.0)),
     ("brick", "wall", plate([-9.0, 14, 5.0], [0.2, -1], 80.0, 10.0)),
     ("asphalt", "road", quad([[-80.0, -80, 0], [80, -80, 0], [80, 80, 0], [-80, 80, 0]])),
+    *[("metal", "fence", plate([-20.0, y, 1.2], [1, -y / 20], 0.05, 2.0)) for y in range(-9, 9)],
 )
-car = mover(4, box_prototype("box", (4.0, 2.0, 1.5), "metal"), straight([12.0, -4.0], [-5.0, 1.0]))
+car = mover(22, box_prototype("box", (4.0, 2.0, 1.5), "metal"), straight([12.0, -4.0], [-5.0, 1.0]))
 scan = Simulator(town, straight([0.0, 0.0], [9.0, 1.0]), (car,), seed=5).scan(3)
 digest = hashlib.sha256(scan.codes.tobytes())
 for name in ("component", "instance", "class_id", "bounces", "moving"):

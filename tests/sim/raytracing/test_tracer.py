@@ -210,17 +210,26 @@ def test_standing_mover_keeps_its_speckle_and_things_behind_it_are_hidden() -> N
 def test_echoes_do_not_depend_on_threads() -> None:
     wall = plate([30.0, 0, 5.0], [-1, 0.2], 120.0, 10.0)
     ground = quad([[-80, -80, 0], [80, -80, 0], [80, 80, 0], [-80, 80, 0]])
-    town = world(("metal", "wall", wall), ("asphalt", "road", ground))
-    before = dr.thread_count()
+    # Posts at rest and one that moves: rays are aimed at both.
+    posts = [
+        ("metal", "fence", plate([-20.0, y, 1.5], [1, -y / 20], 0.05, 2.0)) for y in np.arange(-9.0, 9.0)
+    ]
+    town = world(("metal", "wall", wall), ("asphalt", "road", ground), *posts)
+    rod = box_prototype("rod", (0.04, 0.04, 2.5), "metal", "pedestrian")
+    movers = (mover(len(posts) + 3, rod, straight([9.0, 6.0], [-1.0, -0.5])),)
+    ride, before = straight([0, 0], [8.0, 1.0]), dr.thread_count()
     try:
         set_threads(1)
-        one = traced(town, straight([0, 0], [8.0, 1.0]), settings=TraceSettings(rays=64))
+        one = traced(town, ride, movers, settings=TraceSettings(rays=64))
         set_threads(2)
-        two = traced(town, straight([0, 0], [8.0, 1.0]), settings=TraceSettings(rays=64))
+        two = traced(town, ride, movers, settings=TraceSettings(rays=64))
     finally:
         set_threads(before)
     for name in ("azimuth", "range_m", "amplitude", "mean_power", "source"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
+    aimed = (one.bounces == 1) & (one.instance > 2)
+    assert len(np.unique(one.instance[aimed])) > 10
+    assert (one.bounces > 1).any()
 
 
 @pytest.mark.parametrize("limit", [1, 2, 3])
