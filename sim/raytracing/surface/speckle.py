@@ -17,8 +17,8 @@ PATCH_STEPS: tuple[tuple[float, float], ...] = (
     (50.0, 0.4),
     (math.inf, 0.8),
 )
-"""Horizontal edge of a patch [m] up to each range [m]: a few patches across the beam at any range, each as wide
-as a few rays. Speckle decorrelates over wavelength / 2 / beam width, some 0.1 m, whatever their size."""
+"""Horizontal edge of a patch [m] up to each range [m]: a few patches across the beam at any range, each as
+wide as a few rays. Speckle decorrelates over wavelength / 2 / beam width, some 0.1 m, whatever their size."""
 PATCH_HEIGHT = 3.0
 """Height of a patch over its edge: what lies above each other has nearly the same range."""
 
