@@ -250,6 +250,28 @@ def test_patches_of_a_turned_object_are_its_own() -> None:
     compare(by_scatterer(there, half_paths(there)), expected)
 
 
+def test_footprints_are_divided_in_the_frame_of_their_object() -> None:
+    # A footprint three patches wide, on an object as it is and on the same turned to the left.
+    local = np.array([[30.0, 0.2, 1.5], [30.0, 3.1, 1.5]])
+    cosine, sine = math.cos(0.7), math.sin(0.7)
+    wide, none = dr.full(mi.Float, 1.2, 2), dr.zeros(mi.Float, 2)
+    given: dict[str, Any] = {"owner": dr.full(mi.UInt32, 9, 2), "length": floats(np.full(2, 30.0))}
+    here = summed(footprints(local, across=mi.Vector3f(none, wide, none), **given))
+    turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+    there = summed(
+        footprints(
+            local @ turn.T,
+            across=mi.Vector3f(-sine * wide, cosine * wide, none),
+            local=doubles(local),
+            cosine=dr.full(mi.Float64, cosine, 2),
+            sine=dr.full(mi.Float64, sine, 2),
+            **given,
+        )
+    )
+    assert dr.width(here.power) >= 6
+    assert by_scatterer(here, here.power.numpy()) == by_scatterer(there, there.power.numpy())
+
+
 @pytest.mark.parametrize("name", ["planes", "instance", "azimuth", "owner"])
 def test_rays_of_different_paths_or_objects_share_no_patch(name: str) -> None:
     # Half of the rays by way of another mirror, on another object, at the end of the scan, on another mover.
