@@ -40,7 +40,7 @@ fidelity: $(READY)
 	for seed in 7 101 102; do \
 		$(BIN)/echoscape simulate build/fidelity/town_$$seed --seed $$seed --scans 40 --workers 2 --no-preview && \
 		$(BIN)/echoscape fidelity build/fidelity/town_$$seed || exit 1; done
-	$(ARTEFACTS) docs/artefacts --scan 208
+	$(ARTEFACTS) docs/artefacts --scan 184
 	$(ARTEFACTS) build/fidelity/turn --scan 116 --only motion_distortion interference
 	mv build/fidelity/turn/motion_distortion.png build/fidelity/turn/interference.png docs/artefacts
 	mv docs/artefacts/artefacts.md build/fidelity

@@ -106,7 +106,7 @@ CASES = (
         name="saturation",
         view="polar",
         span_m=163.0,
-        text="strong echoes end at a ceiling; where many are in one azimuth they intermodulate to a spoke",
+        text="strong echoes end at a ceiling, and their spokes with them; several in an azimuth add weak products",
     ),
     ArtefactCase(
         name="phase_noise",
@@ -157,7 +157,7 @@ CASES = (
         span_m=30.0,
         region="mover",
         boxes=True,
-        text="range offset by radial speed (rising sweep): receding objects, behind the car, appear farther",
+        text="range offset by radial speed (rising sweep): approaching objects appear nearer, receding ones farther",
     ),
     ArtefactCase(
         name="movers",
