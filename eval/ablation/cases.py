@@ -106,7 +106,7 @@ CASES = (
         name="saturation",
         view="polar",
         span_m=163.0,
-        text="strong echoes end at a ceiling, and so do their spokes; several in an azimuth add weak products",
+        text="strong echoes end at a ceiling, and so do their spokes; several add weak products",
     ),
     ArtefactCase(
         name="phase_noise",
@@ -157,7 +157,7 @@ CASES = (
         span_m=30.0,
         region="mover",
         boxes=True,
-        text="range offset by radial speed (rising sweep): what approaches appears nearer, what recedes farther",
+        text="range offset by radial speed (rising sweep): approaching appears nearer, receding farther",
     ),
     ArtefactCase(
         name="movers",
