@@ -409,6 +409,8 @@ class BounceSampler:
         swept = dr.dot(hits.velocity, mi.Vector3f(rays.direction - direction))
         normal = mi.Vector3f(hits.normal)
         across = 2 * mi.Vector3f(rays.unfolded(normal))
+        spread = _slope_spread(hits, normal, rays.density, mi.Float(rays.travelled + hits.distance))
+        turned = (spread.variance_u + spread.variance_v) * 0.5
         return RayBatch(
             origin=mi.Point3d(hits.point + hits.normal * _SKIN_M),
             direction=direction,
@@ -425,7 +427,7 @@ class BounceSampler:
             only_targets=rays.only_targets,
             chain=hash32(rays.chain ^ hits.instance),
             planes=hash32(rays.planes ^ _plane_key(hits)),
-            slopes=rays.slopes + self._surfaces.slope_variance(hits.material, hits.active),
+            slopes=rays.slopes + self._surfaces.slope_variance(hits.material, hits.active) + turned,
             unfold_x=rays.unfold_x - across * normal.x,
             unfold_y=rays.unfold_y - across * normal.y,
             unfold_z=rays.unfold_z - across * normal.z,

@@ -32,11 +32,11 @@ MOST_ALONG = 8
 """Most patches over which a footprint is divided, across and along the elevation of the ray."""
 OVERLAP = 1.5
 """Edges of a footprint over the distance between rays: where footprints overlap, they leave no patch out."""
-LEAST_SOLID_SR = 3e-5
-"""Solid angle that the surfaces of a ghost must fill, some 0.2 m x 0.2 m at 40 m; larger ones lose as much
+LEAST_SOLID_SR = 6e-5
+"""Solid angle that the surfaces of a ghost must fill, some 0.3 m x 0.3 m at 40 m; larger ones lose as much
 [sr]. No facade is plane and true enough for the chain of mirrors by which a smaller spot returns, and rays
 meet such spots by chance only, so that a ghost by way of them would depend on the draw of rays."""
-LEAST_RAYS = 4
+LEAST_RAYS = 8
 """The same as a number of rays, for directions in which rays are few."""
 REGION_M = 2.0
 """Edge of the cells of the last surface in which rays count for the same ghost [m]."""
