@@ -143,7 +143,8 @@ def test_world_that_is_tilted_with_the_antenna_looks_the_same(
         level, found = (
             each.mean_power[each.bounces == order].sum(dtype=np.float64) for each in (straight_up, leaning)
         )
-        assert decibel(found / level) == pytest.approx(0.0, abs=0.2)
+        # Ghosts lose a solid angle per cell of the world's lattice, which is not tilted.
+        assert decibel(found / level) == pytest.approx(0.0, abs=0.2 if order == 1 else 0.5)
 
 
 def test_strength_scales_the_angles() -> None:

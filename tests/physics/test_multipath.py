@@ -73,13 +73,13 @@ def test_ghost_lies_at_the_mirror_image(law: LawRecorder, yard: Echoes) -> None:
 
 
 def test_loop_lies_at_half_the_total_path(law: LawRecorder) -> None:
-    side = ("soil", "car", plate([25.0, 2.0, HEIGHT_M], [0, -1], 1.0, 1.0))
+    side = ("soil", "car", plate([25.0, 4.0, HEIGHT_M], [0, -1], 1.0, 2.0))
     echoes = traced(world(WALL, side), max_bounces=2, floor_db=-30.0, sensor=STEADY)
     range_m, _ = mean_place(echoes, (echoes.bounces == 2) & (echoes.instance == 2))
     law(
         "Out by way of the wall and directly back: range",
         source="half the total path",
-        expected=(math.hypot(25.0, 2.0) + math.hypot(35.0, 2.0)) / 2,
+        expected=(math.hypot(25.0, 4.0) + math.hypot(35.0, 4.0)) / 2,
         simulated=range_m,
         tolerance=0.2,
         unit="m",
@@ -188,7 +188,7 @@ def test_ghost_mask_marks_what_vanishes(law: LawRecorder) -> None:
         town = world(WALL, CAR, (ground, *ROAD[1:]))
         labels, gone = with_and_without_ghosts(town)
         gone &= ghosts_outweigh(town)
-        assert gone.sum() > 1000
+        assert gone.sum() > 400
         law(
             f"Wall, car and a road of {ground}: vanishing cells of mostly ghosts, share labelled ghost",
             source="the label is the dominant cause of a cell",

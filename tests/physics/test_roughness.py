@@ -173,7 +173,7 @@ def test_lobes_through_the_tracer(law: LawRecorder, monkeypatch: pytest.MonkeyPa
     # A small plate seen slantwise, straight and by way of a metal wall: there and back by different ways.
     # So rough that it mirrors nothing.
     wall = plate([30.0, 0, 5.0], [-1, 0], 120.0, 10.0)
-    side = plate([22.0, 6.0, HEIGHT_M], [0, -1], 0.3, 4.0)
+    side = plate([22.0, 6.0, HEIGHT_M], [0, -1], 1.0, 4.0)
     town = world(("metal", "wall", wall), ("soil", "car", side))
     rough = replace(MATERIALS["soil"], rms_height_m=0.03)
     power: dict[str, tuple[float, float]] = {}
@@ -200,7 +200,7 @@ def test_lobes_through_the_tracer(law: LawRecorder, monkeypatch: pytest.MonkeyPa
             source=EFFECTIVE,
             expected=float(decibel(lobe_to_lambert(lobe, 3, *cosines))),
             simulated=float(decibel(power[lobe][way] / power["lambert"][way])),
-            tolerance=0.15,
+            tolerance=0.25,
             unit="dB",
-            why="the plate is 0.3 m wide: angles differ over it",
+            why="the plate is 1 m wide: angles differ over it",
         )
