@@ -5,6 +5,7 @@ range and spokes, between two scans whose rays alone differ.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -145,3 +146,47 @@ def test_other_seeds_change_the_speckle() -> None:
         cells(Simulator(world(wall), standing(), seed=seed).echoes(0), 15.0, 60.0).ravel() for seed in (4, 5)
     )
     assert abs(np.vdot(one, two)) / np.linalg.norm(one) / np.linalg.norm(two) < 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What two draws of a scan may differ by, at 10-20, 20-40, 40-80 and 80-160 m; see `DrawStatistics`."""
+
+    power_db: tuple[float, ...] = (1.5, 1.5, 2.0, 2.0)
+    correlation: tuple[float, ...] = (0.99, 0.98, 0.97, 0.95)
+    cells_db: tuple[float, ...] = (4.0, 4.0, 4.0, 4.0)
+    mean_db: tuple[float, ...] = (0.5, 0.5, 0.5, 0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("preset", "limits"),
+    [
+        # Beyond the goal lie a glint or two that a single ray meets, which move the mean of their ranges.
+        (
+            "town",
+            Limits(
+                power_db=(1.8, 1.5, 2.0, 2.0), cells_db=(4.0, 4.0, 5.5, 4.0), mean_db=(0.5, 0.5, 1.0, 0.8)
+            ),
+        ),
+        ("suburb", Limits(mean_db=(0.5, 0.5, 0.5, 1.1))),
+        ("industrial", Limits(power_db=(1.8, 1.5, 2.0, 2.0), mean_db=(1.1, 0.5, 0.5, 0.6))),
+        # Sparse: much of what is beyond 40 m are metal facets of trucks and posts, and ghosts by way of them.
+        (
+            "motorway",
+            Limits(
+                power_db=(1.5, 1.5, 2.0, 2.9),
+                correlation=(0.96, 0.96, 0.96, 0.95),
+                cells_db=(4.0, 4.0, 8.0, 6.5),
+                mean_db=(0.5, 0.5, 0.7, 0.5),
+            ),
+        ),
+    ],
+)
+def test_scans_of_presets_are_those_of_their_world(preset: str, limits: Limits) -> None:
+    found = preset_difference(preset)
+    assert (found.power_db < limits.power_db).all(), found
+    assert (found.correlation > limits.correlation).all(), found
+    assert (found.cells_db < limits.cells_db).all(), found
+    assert (np.abs(found.mean_db) < limits.mean_db).all(), found
+    assert found.spokes_in_common >= 0.8, found
