@@ -29,9 +29,9 @@ figures: demo
 	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.preview import small_copy; \
 		small_copy(Path('demo/preview.png'), Path('docs/preview.png'))"
 	rm -rf build/junction
-	$(BIN)/echoscape simulate build/junction --seed 102 --scans 40 --workers 2 --no-preview
+	$(BIN)/echoscape simulate build/junction --seed 101 --scans 40 --workers 2 --no-preview
 	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.scan_image import write_scan_image; \
-		write_scan_image(Path('build/junction'), Path('docs/scan.png'), scan=26)"
+		write_scan_image(Path('build/junction'), Path('docs/scan.png'), scan=38)"
 
 # Tables and figures of docs/fidelity.md: seed 7 was used for the calibration, 101 and 102 were not.
 ARTEFACTS := $(BIN)/echoscape artefacts --seed 7 --scans 240
