@@ -157,7 +157,7 @@ CASES = (
         span_m=30.0,
         region="mover",
         boxes=True,
-        text="range offset by radial speed (rising sweep): approaching appears nearer, receding farther",
+        text="range offset by radial speed (rising sweep): objects that approach appear nearer",
     ),
     ArtefactCase(
         name="movers",
