@@ -27,20 +27,19 @@ from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.procrustes import moved
 from echoscape.learn.geometry.se2 import to_motion
 from echoscape.learn.model import fast_keypoint_model, feature_pyramid, keypoints, unet
+from echoscape.learn.model.blurred_pooling import blurred_max_pool
 from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
 from echoscape.learn.model.keypoint_model import (
     KeypointModel,
     Maps,
-    blurred_max_pool,
     dense_descriptors,
-    pixel_grid,
     pose_loss,
-    sampled,
     unit,
 )
 from echoscape.learn.model.local_matching import Moments, Near, NearSearch
 from echoscape.learn.model.model_settings import ModelSettings
+from echoscape.learn.model.pixel_coords import pixel_grid, sampled
 from echoscape.learn.model.tiled_matching import Search
 from echoscape.learn.odometry import scan_matcher
 from echoscape.learn.training.checkpoint import initial_model

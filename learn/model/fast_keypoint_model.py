@@ -18,17 +18,15 @@ from echoscape.learn.model.feature_pyramid import FeaturePyramid
 from echoscape.learn.model.keypoint_model import (
     KeypointModel,
     Maps,
-    cell_centres,
     dense_descriptors,
     keypoint_locations,
     match_weights,
-    sampled,
 )
 from echoscape.learn.model.keypoints import Keypoints, keypoints_at
 from echoscape.learn.model.local_matching import Near, match_local
 from echoscape.learn.model.model_settings import ModelSettings
 from echoscape.learn.model.ops.channels_last import with_gradient_by_pixel
-from echoscape.learn.model.pixel_coords import metres_of_pixels, pixels_of_metres
+from echoscape.learn.model.pixel_coords import cell_centres, metres_of_pixels, pixels_of_metres, sampled
 from echoscape.learn.model.prior_removal import precision_of_pixels, remove_prior
 from echoscape.learn.model.tiled_matching import match_global
 from echoscape.learn.model.unet import FastDecoder, FastEncoder

@@ -12,8 +12,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
-from echoscape.learn.model.keypoint_model import MIN_NORM, Maps, sampled, unit
+from echoscape.learn.model.keypoint_model import MIN_NORM, Maps, unit
 from echoscape.learn.model.ops.bilinear import resized, squared_lengths
+from echoscape.learn.model.pixel_coords import sampled
 
 STRIDES = (1, 2)
 

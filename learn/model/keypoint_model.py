@@ -8,12 +8,13 @@ A motion is T_destination_source in the axes of gt/radar_odometry.csv: forward, 
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import avg_pool2d, grid_sample, interpolate, max_pool2d, normalize, pad
+from torch.nn.functional import interpolate, max_pool2d, normalize, pad
 
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.procrustes import Motion
+from echoscape.learn.model.blurred_pooling import blurred_max_pool
 from echoscape.learn.model.model_settings import ModelSettings, Pooling
-from echoscape.learn.model.pixel_coords import metres_of_pixels
+from echoscape.learn.model.pixel_coords import cell_centres, metres_of_pixels, pixel_grid, sampled
 
 CHANNELS = (8, 16, 32, 64, 128)
 """Channels of the encoder's blocks, finest first; together the 248 of a dense descriptor."""
@@ -27,25 +28,21 @@ Maps = tuple[Tensor, ...]
 
 
 # ------------------------------------------------------------------ III-A: the network
-
-
 def block(inputs: int, outputs: int) -> nn.Sequential:
-    """Return two 3 x 3 convolutions (inputs -> outputs channels), each with batch normalisation and ReLU."""
+    """Return two 3 x 3 convolutions, each with batch normalisation and ReLU.
+
+    Args:
+        inputs: Channels of the input.
+        outputs: Channels of the output.
+
+    Returns:
+        The layers: (B, inputs, H, W) to (B, outputs, H, W).
+    """
     layers: list[nn.Module] = []
     for channels in (inputs, outputs):
         layers += [nn.Conv2d(channels, outputs, 3, padding=1, bias=False)]
         layers += [nn.BatchNorm2d(outputs, momentum=MOMENTUM), nn.ReLU(inplace=True)]
     return nn.Sequential(*layers)
-
-
-def blurred_max_pool(values: Tensor) -> Tensor:
-    """Halve maps (B, C, H, W) by maxima that are low-passed by 1-2-1 before subsampling (ours, an option).
-
-    Small motions are underestimated less than with the paper's max pooling, which hides shifts within a pool.
-    Source: Zhang, "Making convolutional networks shift-invariant again", ICML 2019.
-    """
-    padded = pad(values, (1, 1, 1, 1), mode="replicate")
-    return avg_pool2d(avg_pool2d(max_pool2d(padded, 2, stride=1), 2, stride=1), 2)
 
 
 class Encoder(nn.Module):
@@ -57,7 +54,14 @@ class Encoder(nn.Module):
         self.blocks = nn.ModuleList(map(block, (1, *CHANNELS[:-1]), CHANNELS))
 
     def forward(self, images: Tensor) -> Maps:
-        """Return the maps of images."""
+        """Compute the maps of images.
+
+        Args:
+            images: Images (B, 1, H, W).
+
+        Returns:
+            The five maps.
+        """
         maps = [self.blocks[0](images)]
         for layer in list(self.blocks)[1:]:
             halved = blurred_max_pool(maps[-1]) if self.pooling == "blurred" else max_pool2d(maps[-1], 2)
@@ -75,7 +79,14 @@ class Decoder(nn.Module):
         self.head = nn.Conv2d(CHANNELS[0], 1, 1)
 
     def forward(self, maps: Maps) -> Tensor:
-        """Return (B, 1, H, W), unbounded."""
+        """Compute one number per pixel.
+
+        Args:
+            maps: Maps of the encoder.
+
+        Returns:
+            Logits (B, 1, H, W), unbounded.
+        """
         values = maps[-1]
         for fine, layer in zip(maps[-2::-1], list(self.blocks)[::-1], strict=True):
             upsampled = interpolate(values, scale_factor=2, mode="bilinear", align_corners=False)
@@ -85,26 +96,20 @@ class Decoder(nn.Module):
 
 
 def dense_descriptors(maps: Maps) -> Tensor:
-    """Return the maps upsampled to the image's size and concatenated: (B, 248, H, W), not normalised."""
+    """Upsample the maps to the image's size and concatenate them.
+
+    Args:
+        maps: Maps of the encoder.
+
+    Returns:
+        Dense descriptors (B, 248, H, W), not normalised.
+    """
     size = maps[0].shape[-2:]
     coarse = [interpolate(each, size=size, mode="bilinear", align_corners=False) for each in maps[1:]]
     return torch.cat([maps[0], *coarse], 1)
 
 
 # ------------------------------------------------------------------ III-B: keypoints and matches
-
-
-def pixel_grid(rows: int, columns: int, *, like: Tensor) -> Tensor:
-    """Return (rows * columns, 2): row, column [px] of every pixel, row by row, in the format of `like`."""
-    axes = [torch.arange(count, dtype=like.dtype, device=like.device) for count in (rows, columns)]
-    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
-
-
-def cell_centres(size: int, cells: int, *, like: Tensor) -> Tensor:
-    """Return (cells^2, 2): row, column [px] of the centres of cells x cells cells of a square image."""
-    return (pixel_grid(cells, cells, like=like) + 0.5) * (size / cells) - 0.5
-
-
 def keypoint_locations(logits: Tensor, cells: int) -> Tensor:
     """Compute keypoint locations by a spatial softmax over each cell: sum_p softmax(logits)_p p.
 
@@ -129,24 +134,16 @@ def keypoint_locations(logits: Tensor, cells: int) -> Tensor:
 
 
 def unit(descriptors: Tensor, dim: int = -1) -> Tensor:
-    """Return descriptors divided by their Euclidean length, at least `MIN_NORM`."""
-    return normalize(descriptors, dim=dim, eps=MIN_NORM)
-
-
-def sampled(values: Tensor, points_px: Tensor) -> Tensor:
-    """Sample maps bilinearly, edges repeated.
+    """Divide descriptors by their Euclidean length, at least `MIN_NORM`.
 
     Args:
-        values: Maps (B, C, H, W).
-        points_px: Points (B, N, 2): row, column [px].
+        descriptors: Descriptors, of any shape.
+        dim: Dimension of their channels.
 
     Returns:
-        Values at the points (B, N, C).
+        Descriptors of the same shape.
     """
-    size = torch.tensor(values.shape[-2:], dtype=points_px.dtype, device=points_px.device)
-    grid = ((points_px + 0.5) * (2 / size) - 1).flip(-1)[:, None].to(values.dtype)
-    found = grid_sample(values, grid, mode="bilinear", padding_mode="border", align_corners=False)
-    return found[:, :, 0].transpose(1, 2)
+    return normalize(descriptors, dim=dim, eps=MIN_NORM)
 
 
 def matched_locations(descriptors: Tensor, dense: Tensor, *, temperature: float) -> Tensor:
@@ -179,8 +176,6 @@ def match_weights(similarity: Tensor, source_scores: Tensor, matched_scores: Ten
 
 
 # ------------------------------------------------------------------ III-C: pose
-
-
 def weighted_pose(source_m: Tensor, destination_m: Tensor, weights: Tensor) -> Motion:
     """Minimise sum w |R source + t - destination|^2 by singular value decomposition (Umeyama 1991).
 
@@ -233,8 +228,6 @@ def pose_loss(estimate: Motion, truth: Motion, *, alpha_m: float) -> Tensor:
 
 
 # ------------------------------------------------------------------ the whole method
-
-
 class KeypointModel(nn.Module):
     """The network and the differentiable odometry on top of it."""
 
@@ -251,7 +244,14 @@ class KeypointModel(nn.Module):
         self.scores = Decoder() if settings.score_head else None
 
     def maps(self, images: Tensor) -> Maps:
-        """Return the encoder's maps of images (B, 1, size, size), padded to `ModelSettings.side`."""
+        """Compute the encoder's maps of images that are padded to `ModelSettings.side`.
+
+        Args:
+            images: Images (B, 1, size, size).
+
+        Returns:
+            The five maps.
+        """
         return self.encoder(pad(images, [(self.settings.side - images.shape[-1]) // 2] * 4))
 
     def forward(self, source: Tensor, destination: Tensor) -> tuple[Motion, Matches]:

@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from echoscape.learn.model.descriptors import descriptors_at
-from echoscape.learn.model.keypoint_model import Maps, sampled
+from echoscape.learn.model.keypoint_model import Maps
+from echoscape.learn.model.pixel_coords import sampled
 
 
 @dataclass(frozen=True, kw_only=True)

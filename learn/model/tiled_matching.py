@@ -15,7 +15,8 @@ from torch.autograd.function import once_differentiable
 from torch.nn.functional import linear
 
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
-from echoscape.learn.model.keypoint_model import MIN_NORM, pixel_grid
+from echoscape.learn.model.keypoint_model import MIN_NORM
+from echoscape.learn.model.pixel_coords import pixel_grid
 
 _SMALLEST_SUM = 1e-20
 _PIECE = 1280

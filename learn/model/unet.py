@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import interpolate, max_pool2d
 
-from echoscape.learn.model.keypoint_model import Decoder, Encoder, Maps, blurred_max_pool
+from echoscape.learn.model.blurred_pooling import blurred_max_pool
+from echoscape.learn.model.keypoint_model import Decoder, Encoder, Maps
 from echoscape.learn.model.ops.channels_last import with_gradient_by_pixel
 from echoscape.learn.model.ops.inference import blurred_maxima, upsampled_above
 

@@ -1,7 +1,7 @@
 """Low-passed maxima and upsampling without gradients, faster than PyTorch's operators on the CPU.
 
 Maps have a pixel's channels side by side in memory, as convolutions return them, and are processed by whole
-rows and columns. Tests compare with `keypoint_model.blurred_max_pool` and `torch.nn.functional.interpolate`.
+rows and columns. Tests compare with `blurred_pooling.blurred_max_pool` and `torch.nn.functional.interpolate`.
 """
 
 import torch
@@ -9,7 +9,7 @@ from torch import Tensor
 
 
 def blurred_maxima(values: Tensor) -> Tensor:
-    """Compute `keypoint_model.blurred_max_pool`, rows first, then columns.
+    """Compute `blurred_pooling.blurred_max_pool`, rows first, then columns.
 
     Along each side, maxima of neighbours are taken at odd and at even places, the even ones between two
     results.

@@ -19,11 +19,11 @@ from echoscape.learn.model.keypoint_model import (
     match_weights,
     matched_locations,
     pose_loss,
-    sampled,
     unit,
     weighted_pose,
 )
 from echoscape.learn.model.model_settings import ModelSettings, Pooling
+from echoscape.learn.model.pixel_coords import sampled
 from echoscape.learn.model.weights import load_weights
 from echoscape.learn.odometry.paper_odometry import PaperOdometry
 from tests.eval.drives import landmarks, scan_of

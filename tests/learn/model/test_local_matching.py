@@ -8,11 +8,9 @@ from numpy.testing import assert_allclose
 from torch import Tensor
 
 from echoscape.learn.model.feature_pyramid import FeaturePyramid
-from echoscape.learn.model.keypoint_model import (
-    pixel_grid,
-    unit,
-)
+from echoscape.learn.model.keypoint_model import unit
 from echoscape.learn.model.local_matching import REACH, Near, match_local
+from echoscape.learn.model.pixel_coords import pixel_grid
 from tests.learn.maps import drawn_points, drawn_search, oblong_maps
 
 SIZE = 48

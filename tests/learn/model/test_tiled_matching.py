@@ -14,9 +14,9 @@ from echoscape.learn.model.keypoint_model import (
     dense_descriptors,
     match_weights,
     matched_locations,
-    pixel_grid,
     unit,
 )
+from echoscape.learn.model.pixel_coords import pixel_grid
 from echoscape.learn.model.tiled_matching import Search, match_global
 from tests.learn.maps import drawn_maps, drawn_search, oblong_maps
 

@@ -9,18 +9,17 @@ from numpy.testing import assert_allclose
 from torch import Tensor
 from torch.nn.functional import interpolate, max_pool2d
 
+from echoscape.learn.model.blurred_pooling import blurred_max_pool
 from echoscape.learn.model.descriptors import descriptors_at
 from echoscape.learn.model.keypoint_model import (
     CHANNELS,
-    blurred_max_pool,
-    cell_centres,
     dense_descriptors,
     keypoint_locations,
-    sampled,
     unit,
 )
 from echoscape.learn.model.model_settings import Pooling
 from echoscape.learn.model.ops.inference import blurred_maxima, upsampled_above
+from echoscape.learn.model.pixel_coords import cell_centres, sampled
 from echoscape.learn.model.unet import FastDecoder, FastEncoder
 from tests.learn.maps import drawn_maps, drawn_points, oblong_maps
 
