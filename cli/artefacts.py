@@ -75,9 +75,10 @@ def _written(options: Options, words: Sequence[str]) -> tuple[list["ArtefactChan
     from echoscape.eval.ablation.run import check_index
 
     check_index(config, index)
-    chosen_cases(options.only)
+    names = tuple(name.replace("-", "_") for name in options.only)
+    chosen_cases(names)
     with ProgressBars(Console(stderr=True)) as bars:
-        return write_artefacts(options.out, config, index, names=options.only, progress=bars.report)
+        return write_artefacts(options.out, config, index, names=names, progress=bars.report)
 
 
 def _table(rows: Sequence["ArtefactChange"]) -> Table:
