@@ -18,6 +18,7 @@ from echoscape.sim.raytracing.intersection import Hits, rotated_about_z
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.surface.speckle import (
     PATCH_HEIGHT,
+    by_range,
     hash32,
     lattice_key,
     patch_edge_m,
@@ -33,13 +34,14 @@ MOST_ALONG = 8
 OVERLAP = 1.5
 """Edges of a footprint over the distance between rays: where footprints overlap, they leave no patch out."""
 LEAST_SOLID_SR = 6e-5
-"""Solid angle that the surfaces of a ghost must fill, some 0.3 m x 0.3 m at 40 m; larger ones lose as much
-[sr]. No facade is plane and true enough for the chain of mirrors by which a smaller spot returns, and rays
-meet such spots by chance only, so that a ghost by way of them would depend on the draw of rays."""
+"""Solid angle that the reflecting surfaces of a ghost must fill, some 0.3 m x 0.3 m at 40 m; those of twice as
+much keep all of their power [sr]. No facade is plane and true enough for the chain of mirrors by which a smaller
+spot returns, and rays meet such spots by chance only, so that a ghost by way of them would depend on the draw."""
 LEAST_RAYS = 8
 """The same as a number of rays, for directions in which rays are few."""
-REGION_M = 2.0
-"""Edge of the cells of the last surface in which rays count for the same ghost [m]."""
+REGIONS_M: tuple[tuple[float, float], ...] = ((40.0, 2.0), (80.0, 4.0), (math.inf, 8.0))
+"""Edge of the cells of the last surface in which rays count for the same ghost [m], up to each range [m]: some
+0.1 rad, so that a large surface fills them at any range."""
 _INDEX_BITS = 26
 """Lower bits of a sorting key, which number the samples; the other bits hash the patch."""
 
@@ -205,13 +207,12 @@ class PatchSums:
 
     def _supported(self, prints: Footprints) -> NDArray[np.float32]:
         """Return the share of its power that each ray of a ghost keeps (N,), by the ghost's solid angle."""
-        edge = dr.full(mi.Float64, REGION_M, dr.width(prints.instance))
+        edge = by_range(prints.length, REGIONS_M)
         key = lattice_key(prints.local, edge, hash32(prints.instance ^ prints.chain))
         dr.eval(key)
         _, region, count = np.unique(key.numpy(), return_inverse=True, return_counts=True)
         solid_sr = np.bincount(region, 1 / prints.density.numpy().astype(np.float64))
-        share = np.maximum(solid_sr - LEAST_SOLID_SR, 0) / solid_sr
-        share *= np.maximum(count - LEAST_RAYS, 0) / count
+        share = np.clip(solid_sr / LEAST_SOLID_SR - 1, 0, 1) * np.clip(count / LEAST_RAYS - 1, 0, 1)
         return share[region].astype(np.float32)
 
     def _samples(self, prints: Footprints) -> _Samples:

@@ -49,6 +49,22 @@ def _uniform(bits: "mi.UInt32") -> "mi.Float":
     return (mi.Float(bits >> 8) + 0.5) * (1.0 / 16777216.0)
 
 
+def by_range(range_m: "mi.Float", steps: tuple[tuple[float, float], ...]) -> "mi.Float64":
+    """Return the value of a table of steps at given ranges.
+
+    Args:
+        range_m: Ranges (N) [m].
+        steps: Values up to each range [m], in order; the last range is infinite.
+
+    Returns:
+        Values (N).
+    """
+    found = mi.Float64(steps[-1][1])
+    for until_m, value in reversed(steps[:-1]):
+        found = dr.select(range_m < until_m, value, found)
+    return found
+
+
 def patch_edge_m(range_m: "mi.Float") -> "mi.Float64":
     """Return the horizontal edge of the patches at given ranges.
 
@@ -58,10 +74,7 @@ def patch_edge_m(range_m: "mi.Float") -> "mi.Float64":
     Returns:
         Edges (N) [m], from `PATCH_STEPS`.
     """
-    edge_m = mi.Float64(PATCH_STEPS[-1][1])
-    for until_m, step_m in reversed(PATCH_STEPS[:-1]):
-        edge_m = dr.select(range_m < until_m, step_m, edge_m)
-    return edge_m
+    return by_range(range_m, PATCH_STEPS)
 
 
 def _cell(point: "mi.Float64", axis: int, edge_m: "mi.Float64") -> "mi.Float64":
