@@ -32,16 +32,16 @@ MOST_ACROSS = 4
 MOST_ALONG = 8
 """Most patches over which a footprint is divided, across and along the elevation of the ray."""
 OVERLAP = 1.5
-"""Edges of a footprint over the distance between rays: where footprints overlap, they leave no patch out."""
+"""Edges of a footprint over the distance between rays: footprints that overlap leave no patch out."""
 LEAST_SOLID_SR = 6e-5
-"""Solid angle that the reflecting surfaces of a ghost must fill, some 0.3 m x 0.3 m at 40 m; those of twice as
-much keep all of their power [sr]. No facade is plane and true enough for the chain of mirrors by which a smaller
-spot returns, and rays meet such spots by chance only, so that a ghost by way of them would depend on the draw."""
+"""Solid angle that the reflecting surfaces of a ghost must fill, some 0.3 m x 0.3 m at 40 m; those of twice
+as much keep all of their power [sr]. No facade is plane and true enough for the chain of mirrors by which a
+smaller spot returns, and rays meet such spots by chance only: ghosts by way of them depend on the draw."""
 LEAST_RAYS = 8
 """The same as a number of rays, for directions in which rays are few."""
 REGIONS_M: tuple[tuple[float, float], ...] = ((40.0, 2.0), (80.0, 4.0), (math.inf, 8.0))
-"""Edge of the cells of the last surface in which rays count for the same ghost [m], up to each range [m]: some
-0.1 rad, so that a large surface fills them at any range."""
+"""Edge of the cells of the last surface in which rays count for the same ghost [m], up to each range [m]:
+some 0.1 rad, so that a large surface fills them at any range."""
 _INDEX_BITS = 26
 """Lower bits of a sorting key, which number the samples; the other bits hash the patch."""
 

@@ -285,14 +285,17 @@ def test_rays_of_different_paths_or_objects_share_no_patch(name: str) -> None:
     assert total[0] == pytest.approx(total[1], rel=1e-6)
 
 
-@pytest.mark.parametrize(("rays", "density"), [(200, 1e6), (40, 1e6), (20, 1e6), (4, 1e5), (6, 4e4)])
-def test_ghosts_lose_the_least_solid_angle_and_echoes_do_not(rays: int, density: float) -> None:
+@pytest.mark.parametrize(
+    ("rays", "density"), [(200, 1e6), (90, 1e6), (40, 1e6), (20, 1e6), (4, 1e5), (6, 4e4), (12, 4e4)]
+)
+def test_small_ghosts_fade_and_echoes_do_not(rays: int, density: float) -> None:
     points = np.column_stack([np.full(rays, 30.0), np.linspace(0.1, 1.2, rays), np.full(rays, 1.5)])
     given = {"density": dr.full(mi.Float, density, rays)}
     direct = summed(footprints(points, 1e-12, **given)).power.numpy().sum(dtype=np.float64)
     assert direct == pytest.approx(rays * 1e-12, rel=1e-5)
     solid_sr = rays / density
-    kept = max(1 - LEAST_SOLID_SR / solid_sr, 0) * max(1 - LEAST_RAYS / rays, 0)
+    # None below the least, all from twice the least on.
+    kept = np.clip([solid_sr / LEAST_SOLID_SR - 1, rays / LEAST_RAYS - 1], 0, 1).prod()
     sums = PatchSums(azimuths=AZIMUTHS, floor_w=1e-30, seed=SEED)
     paths = sums.paths(
         behind_a_mirror(points, 45.0, **given, power=floats(np.full(rays, 1e-12))), mi.Float64(POSITION)
@@ -302,6 +305,27 @@ def test_ghosts_lose_the_least_solid_angle_and_echoes_do_not(rays: int, density:
     else:
         assert paths is not None
         assert paths.power.numpy().sum(dtype=np.float64) == pytest.approx(kept * direct, rel=1e-5)
+
+
+@pytest.mark.parametrize("range_m", [30.0, 60.0, 90.0, 150.0])
+def test_ghost_of_a_large_surface_keeps_its_power_at_any_range(range_m: float) -> None:
+    # A wall of 20 m x 6 m that 2e5 rays per steradian meet squarely, wherever the cells of the lattice end.
+    density = 2e5
+    step = range_m / np.sqrt(density)
+    across, up = np.meshgrid(np.arange(-10, 10, step), np.arange(0, 6, step))
+    points = np.column_stack([np.full(across.size, 20.0), across.ravel(), up.ravel()])
+    given = {
+        "density": dr.full(mi.Float, density, len(points)),
+        "length": dr.full(mi.Float, range_m, len(points)),
+    }
+    sums = PatchSums(azimuths=AZIMUTHS, floor_w=1e-30, seed=SEED)
+    paths = sums.paths(
+        behind_a_mirror(points, 45.0, **given, power=floats(np.full(len(points), 1e-12))),
+        mi.Float64(POSITION),
+    )
+    assert paths is not None
+    total = paths.power.numpy().sum(dtype=np.float64)
+    assert total == pytest.approx(len(points) * 1e-12, rel=0.05)
 
 
 def test_footprints_of_the_size_of_several_patches_fill_them() -> None:
