@@ -1,4 +1,7 @@
-"""Only what a drive can reach is loaded into the ray tracer; scans are those of the whole scene."""
+"""Only what a drive can reach is loaded into the ray tracer; scans are nearly those of the whole scene.
+
+Faces that lie in one plane may be met in another order there, which changes a few cells.
+"""
 
 import numpy as np
 import pytest
