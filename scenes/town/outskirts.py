@@ -27,11 +27,16 @@ from echoscape.scenes.town.open_spaces import CARS, PARK_TREES, lay_car_park, la
 from echoscape.scenes.town.parcels import CityBlock, frontages
 from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
 from echoscape.scenes.town.presets import PARCEL_RULES, ParcelRule, Preset, Use
+from echoscape.scenes.town.streetscape import base_extent
 
 _SMALLEST_M2 = 500.0
 _MOUTH_M = 14.0
 _GARDEN_M = 11.0
 _GARDEN_TREES = ("tree_broadleaf", "tree_street", "tree_conifer", "tree_shrub", "tree_shrub")
+_BEHIND_KERB_M = 0.45
+"""Distance of lamp posts and trunks of street trees behind the kerb [m]: people walk a metre behind it."""
+_CROWN_M = 3.0
+"""Distance of trees from the edge of their block [m]."""
 _TREE_SPACING_M = 19.0
 _CAR_SPACE_M = 6.0
 
@@ -334,7 +339,8 @@ def _plant_free(
     """Plant trees at those places (N, 2) that have space for a trunk."""
     places = places[shapely.contains_xy(block.outline, places)]
     room = shapely.buffer(shapely.points(places), 1.5, quad_segs=2)
-    free = np.ones(len(places), dtype=bool)
+    # Low crowns must not reach over the pavement.
+    free = ~shapely.dwithin(block.outline.boundary, shapely.points(places), _CROWN_M)
     free[built.query(room, predicate="intersects")[0]] = False
     for place in places[free]:
         scale, yaw = float(rng.uniform(0.75, 1.3)), float(rng.uniform(0, 2 * np.pi))
@@ -355,16 +361,21 @@ def _dress(
     lamps = np.arange(rng.uniform(0.0, preset.lamps_m), along[-1], preset.lamps_m)
     trees = np.arange(rng.uniform(3.0, 9.0), along[-1], 11.0)
     trees = trees[rng.random(len(trees)) < 0.45 * preset.street_trees]
-    behind_kerb = offset(line, -(kind.half_width_m + 0.45))
+    extents = {name: base_extent(builder[name]) for name in ("lamp_arm", "tree_street")}
+    behind_kerb = offset(line, -(kind.half_width_m + _BEHIND_KERB_M))
     at = np.concatenate([lamps, trees])
     places = points_at(behind_kerb, at)
-    clear = ~shapely.dwithin(ground.carriageway, shapely.points(places), 0.3)
+    clear = ~shapely.dwithin(ground.carriageway, shapely.points(places), 0.5 * _BEHIND_KERB_M)
     for number in np.flatnonzero(clear).tolist():
         lamp = number < len(lamps)
         yaw = float(np.interp(at[number], along, heading)) + np.pi / 2
         scale = 1.0 if lamp else float(rng.uniform(1.1, 1.5))
         name = "lamp_arm" if lamp else "tree_street"
-        builder.place(name, places[number], base_m=preset.kerb_height_m, yaw_rad=yaw, scale=scale)
+        extent = extents[name]
+        x, y = scale * (extent.low_m + extent.high_m) / 2
+        ahead, inward = _axes(yaw)
+        foot = places[number] - x * ahead - y * inward
+        builder.place(name, foot, base_m=preset.kerb_height_m, yaw_rad=yaw, scale=scale)
     if kind.parking_m > 0:
         cars = np.arange(rng.uniform(3.0, 8.0), along[-1] - 3.0, _CAR_SPACE_M)
         cars = cars[rng.random(len(cars)) < preset.parked * rng.uniform(0.4, 1.3)]
