@@ -6,6 +6,9 @@ Each stage draws from its own seed sequence, so a change to one stage leaves the
 from dataclasses import replace
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from echoscape.scenes.assets.street_furniture import furniture_prototypes
 from echoscape.scenes.assets.vegetation import tree_prototypes
@@ -88,13 +91,19 @@ def road_network(settings: Preset, *, seed: int) -> tuple[Network, RoadGraph, Tr
     return network, roads, trims
 
 
+def _lies_on(walk: NDArray[np.float64], ground: BaseGeometry) -> bool:
+    """Return whether all of a line (P, 2) lies on ground."""
+    return bool(shapely.contains_xy(ground, walk).all())
+
+
 def _streets(
     builder: SceneBuilder, pool: BuildingPool, settings: Preset, seed: int
 ) -> tuple[RoadGraph, Ground]:
     """Lay out streets and add everything on and beside them."""
     network, roads, trims = road_network(settings, seed=seed)
     ground = ground_plan(network, roads, trims, margin_m=settings.margin_m)
-    walks = footpath_lines(ground)
+    # Nobody walks where nobody drives.
+    walks = tuple(walk for walk in footpath_lines(ground) if _lies_on(walk, ground.driven))
     occupied = OccupiedArea()
     for strip in footpath_strips(walks):
         occupied.add(strip)
