@@ -340,7 +340,8 @@ def _plant_free(
     places = places[shapely.contains_xy(block.outline, places)]
     room = shapely.buffer(shapely.points(places), 1.5, quad_segs=2)
     # Low crowns must not reach over the pavement.
-    free = ~shapely.dwithin(block.outline.boundary, shapely.points(places), _CROWN_M)
+    free = np.ones(len(places), dtype=bool)
+    free[shapely.dwithin(block.outline.boundary, shapely.points(places), _CROWN_M)] = False
     free[built.query(room, predicate="intersects")[0]] = False
     for place in places[free]:
         scale, yaw = float(rng.uniform(0.75, 1.3)), float(rng.uniform(0, 2 * np.pi))
