@@ -166,18 +166,23 @@ class Limits:
         (
             "town",
             Limits(
-                power_db=(1.8, 1.5, 2.0, 2.0), cells_db=(4.0, 4.0, 5.5, 4.0), mean_db=(0.5, 0.5, 1.0, 0.8)
+                power_db=(1.8, 1.5, 2.0, 2.0), cells_db=(4.0, 4.0, 5.5, 5.0), mean_db=(0.5, 0.5, 1.0, 0.8)
             ),
         ),
         ("suburb", Limits(mean_db=(0.5, 0.5, 0.5, 1.1))),
-        ("industrial", Limits(power_db=(1.8, 1.5, 2.0, 2.0), mean_db=(1.1, 0.5, 0.5, 0.6))),
+        (
+            "industrial",
+            Limits(
+                power_db=(1.8, 1.5, 2.0, 2.3), cells_db=(4.0, 4.0, 4.5, 5.5), mean_db=(1.1, 0.5, 0.5, 0.6)
+            ),
+        ),
         # Sparse: much of what is beyond 40 m are metal facets of trucks and posts, and ghosts by way of them.
         (
             "motorway",
             Limits(
                 power_db=(1.5, 1.5, 2.0, 2.9),
                 correlation=(0.96, 0.96, 0.96, 0.95),
-                cells_db=(4.0, 4.0, 8.0, 6.5),
+                cells_db=(4.0, 4.0, 8.5, 6.5),
                 mean_db=(0.5, 0.5, 0.7, 0.5),
             ),
         ),
