@@ -29,7 +29,7 @@ from echoscape.sim.kinematics.timeline import HasTrajectory, Timeline
 from echoscape.sim.raytracing.mitsuba_scene import MitsubaScene, instance_classes
 from echoscape.sim.raytracing.ray_sampling import PrimaryHits
 from echoscape.sim.raytracing.scan_state import ScanState, scan_state
-from echoscape.sim.raytracing.target_mirrors import MirrorFaces, mirror_faces
+from echoscape.sim.raytracing.targets.mirror_faces import MirrorFaces, mirror_faces
 from echoscape.sim.raytracing.tracer import Tracer
 from echoscape.sim.receiver.front_end import FrontEnd, NoiseRealisation
 from echoscape.sim.receiver.if_signal import BIN_CENTRE, CELL_BINS, grid_cells

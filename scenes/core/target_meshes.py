@@ -1,6 +1,6 @@
 """Adds test targets to a scene as meshes that rays can hit.
 
-Echoes of coherent targets are computed from their exact shape (`sim.raytracing.target_echoes`); their meshes
+Echoes of coherent targets are computed from their exact shape (`sim.raytracing.targets`); their meshes
 shadow what is behind them and reflect other echoes.
 """
 

@@ -25,8 +25,8 @@ from echoscape.sim.raytracing.ray_sampling import PrimaryHits, PrimaryRays
 from echoscape.sim.raytracing.scan_state import ScanState
 from echoscape.sim.raytracing.surface.scattering import Surfaces
 from echoscape.sim.raytracing.surface.speckle import hash32
-from echoscape.sim.raytracing.target_echoes import TargetEchoes
-from echoscape.sim.raytracing.target_mirrors import MirrorFaces
+from echoscape.sim.raytracing.targets.mirror_faces import MirrorFaces
+from echoscape.sim.raytracing.targets.target_echoes import TargetEchoes
 from echoscape.sim.sensor.antenna import Antenna
 from echoscape.sim.sensor.link_budget import link_w_m2, units_per_watt
 from echoscape.sim.sensor.sensor import Sensor

@@ -14,9 +14,9 @@ from echoscape.scenes.core.target_meshes import with_targets
 from echoscape.scenes.core.targets import Target
 from echoscape.sim.datasets.polar_scan import Component
 from echoscape.sim.echoes import Echoes
-from echoscape.sim.raytracing import target_echoes
-from echoscape.sim.raytracing.physical_optics import surface_paths
 from echoscape.sim.raytracing.surface.fresnel import permittivity
+from echoscape.sim.raytracing.targets import route_sums
+from echoscape.sim.raytracing.targets.physical_optics import surface_paths
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.sim.settings.tracing import TraceSettings
@@ -272,7 +272,7 @@ def test_sum_is_renewed_often_enough_while_the_radar_moves(monkeypatch: pytest.M
     )
     ride = straight([0.0, 0.0], [15.0, 0.0])
     usual = by_row(echoes_of(target, ride=ride))
-    monkeypatch.setattr(target_echoes, "_MOST_PHASE", 0.0)  # a sum for every azimuth of the main lobe
+    monkeypatch.setattr(route_sums, "_MOST_PHASE", 0.0)  # a sum for every azimuth of the main lobe
     exact = by_row(echoes_of(target, ride=ride))
     loud = exact > exact.max() * 1e-3
     assert loud.sum() >= 5

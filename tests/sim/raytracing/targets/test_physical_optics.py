@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from echoscape.scenes.core.materials import MATERIALS
 from echoscape.scenes.core.targets import Target
-from echoscape.sim.raytracing.physical_optics import largest_sum, surface_paths
 from echoscape.sim.raytracing.surface.fresnel import permittivity
+from echoscape.sim.raytracing.targets.physical_optics import largest_sum, surface_paths
 
 WAVELENGTH_M = 299_792_458 / 76.5e9
 METAL = permittivity(MATERIALS["metal"], 76.5e9)

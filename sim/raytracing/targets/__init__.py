@@ -1,0 +1,1 @@
+"""Echoes of coherent test targets: physical optics over their surface, and the mirrors that show them."""
