@@ -39,7 +39,7 @@ class SimulationOptions(SimulationConfig):
     """A simulation's configuration as options; what comes from files is not an option of its own."""
 
     preset: Preset = ""
-    """Kind of world: town, suburb, industrial, motorway, open or empty."""
+    """Kind of world: town, suburb, industrial, motorway, open, empty or yard."""
     layout: Annotated[
         LayoutName | None, _LAYOUT, tyro.conf.arg(help_behavior_hint="(default: the radar's own)")
     ] = None

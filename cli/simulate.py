@@ -33,8 +33,8 @@ class Options:
     )
     """What to simulate."""
     radar: str = CTS350X.name
-    """The radar: cts350x (Oxford), cir204 (MulRan), cir304 (Boreas), cir304_rt (Boreas-RT), or a TOML file
-    with the keys of docs/sensors.md. --sensor.* change single numbers of it."""
+    """The radar: cts350x (Oxford), cir204 (MulRan), cir304 (Boreas), cir304_rt (Boreas-RT), cts_small
+    (for tests), or a TOML file with the keys of docs/sensors.md. --sensor.* change single numbers of it."""
     scene: Path | None = None
     """TOML file of a custom scene in place of a preset; its keys: docs/scenes.md."""
     targets: Path | None = None

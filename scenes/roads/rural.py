@@ -1,4 +1,4 @@
-"""Roads outside towns: a straight road on a plane, and a country road with bends and two tracks."""
+"""Roads outside towns: a straight road, a country road with bends and two tracks, and a crossroads."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -8,6 +8,9 @@ from echoscape.scenes.roads.street_network import COUNTRY, Network, Street, Stre
 
 _TRACK = StreetType(
     name="track", lanes=1, lane_width_m=2.75, parking_m=0.0, pavement_m=0.0, speed_limit_mps=9.0
+)
+_DRIVEWAY = StreetType(
+    name="driveway", lanes=1, lane_width_m=3.25, parking_m=0.0, pavement_m=0.0, speed_limit_mps=8.0
 )
 
 
@@ -46,6 +49,27 @@ def country_roads(*, rng: np.random.Generator) -> Network:
     streets = [Street(start=i, end=i + 1, line=piece, type=COUNTRY) for i, piece in enumerate(pieces)]
     streets += [Street(start=1 + i, end=4 + i, line=track, type=_TRACK) for i, track in enumerate(tracks)]
     return Network(junctions=junctions, streets=tuple(streets))
+
+
+def crossroads(*, rng: np.random.Generator, arm_m: float = 80.0) -> Network:
+    """Make a crossroads of four short arms with dead ends, at about right angles.
+
+    Args:
+        rng: Random generator.
+        arm_m: Distance of the dead ends from the origin [m].
+
+    Returns:
+        The street network; junction 0 is the crossing.
+    """
+    middle = rng.uniform(-6.0, 6.0, 2)
+    angle = np.pi / 2 * np.arange(4)
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    ends = arm_m * along + rng.uniform(-8.0, 8.0, 4)[:, None] * along[:, ::-1]
+    streets = tuple(
+        Street(start=0, end=1 + arm, line=resampled(np.stack([middle, end]), 1.0), type=_DRIVEWAY)
+        for arm, end in enumerate(ends)
+    )
+    return Network(junctions=np.concatenate([middle[None], ends]), streets=streets)
 
 
 def _track(road: Line, index: int, side: float) -> Line:

@@ -27,7 +27,7 @@ from echoscape.scenes.roads.ground_mesh import (
 )
 from echoscape.scenes.roads.junctions import TrimLengths, road_graph
 from echoscape.scenes.roads.motorway import motorway
-from echoscape.scenes.roads.rural import country_roads, straight_road
+from echoscape.scenes.roads.rural import country_roads, crossroads, straight_road
 from echoscape.scenes.roads.street_network import Network
 from echoscape.scenes.roads.subdivision import subdivided_network
 from echoscape.scenes.town.building_pool import BuildingPool, building_pool
@@ -37,6 +37,7 @@ from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
 from echoscape.scenes.town.presets import PRESETS, Preset
 from echoscape.scenes.town.roadside import dress_country_roads, dress_motorway
 from echoscape.scenes.town.streetscape import dress_streets
+from echoscape.scenes.town.yard import dress_yard
 
 
 def build_town(preset: str = "town", *, seed: int) -> Scene:
@@ -114,6 +115,8 @@ def _streets(
         fill_outskirts(builder, occupied, ground, network, pool, settings, seeds=_stage(seed, 5))
     if settings.layout == "country":
         dress_country_roads(builder, occupied, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
+    if settings.layout == "yard":
+        dress_yard(builder, occupied, network, ground, rng=np.random.default_rng(_stage(seed, 3)))
     return replace(roads, footpaths=walks, kerbs=tuple(boundaries(ground.carriageway))), ground
 
 
@@ -134,6 +137,8 @@ def _network(settings: Preset, rng: np.random.Generator) -> Network:
     """Return the streets of a preset."""
     if settings.subdivision is not None:
         return subdivided_network(settings.subdivision, rng=rng)
+    if settings.layout == "yard":
+        return crossroads(rng=rng)
     return country_roads(rng=rng) if settings.layout == "country" else straight_road()
 
 

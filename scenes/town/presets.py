@@ -11,7 +11,7 @@ from echoscape.scenes.assets.buildings.building import Style
 from echoscape.scenes.roads.street_network import AVENUE, ESTATE, NARROW, PLAIN, STREET, WORKS
 from echoscape.scenes.roads.subdivision import SubdivisionSettings
 
-Layout = Literal["subdivided", "motorway", "country", "plain"]
+Layout = Literal["subdivided", "motorway", "country", "plain", "yard"]
 Use = Literal["terrace", "houses", "flats", "shops", "park", "square", "car_park", "works", "yard"]
 
 SIGHT_M = 310.0
@@ -111,6 +111,7 @@ PRESETS: dict[str, Preset] = {
         ),
         Preset(name="open", layout="country", kerb_height_m=0.0, parked=0.0, street_trees=0.0),
         Preset(name="empty", layout="plain", kerb_height_m=0.0, margin_m=500.0, parked=0.0, street_trees=0.0),
+        Preset(name="yard", layout="yard", kerb_height_m=0.0, parked=0.0, street_trees=0.0),
     )
 }
 

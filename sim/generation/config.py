@@ -33,7 +33,7 @@ class SimulationConfig:
     """All settings that decide the bytes of a data set."""
 
     preset: str = ""
-    """Kind of world: town (the default), suburb, industrial, motorway, open or empty."""
+    """Kind of world: town (the default), suburb, industrial, motorway, open, empty or yard."""
     seed: int = 0
     """Seed of everything that is drawn: the town, the drive, the traffic, rays, speckle and noise."""
     scans: int = 40

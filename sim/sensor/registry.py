@@ -12,9 +12,10 @@ from typing import Any
 from echoscape.sim.sensor.cir204 import CIR204
 from echoscape.sim.sensor.cir304 import CIR304, CIR304_RT
 from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.cts_small import CTS_SMALL
 from echoscape.sim.sensor.sensor import Sensor
 
-SENSORS: Mapping[str, Sensor] = {each.name: each for each in (CTS350X, CIR204, CIR304, CIR304_RT)}
+SENSORS: Mapping[str, Sensor] = {each.name: each for each in (CTS350X, CIR204, CIR304, CIR304_RT, CTS_SMALL)}
 """The built-in sensors."""
 
 _TABLES = tuple(each.name for each in fields(Sensor) if isinstance(getattr(CTS350X, each.name), tuple))

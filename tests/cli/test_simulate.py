@@ -33,7 +33,7 @@ BAD = {
     "--scans many": "--scans",
     "--seed -1": "seed must be 0 or more, got -1",
     "--seed 1.5": "--seed",
-    "--radar moon": "--radar: a sensor must be one of cts350x, cir204, cir304, cir304_rt or a .toml file",
+    "--radar moon": "--radar: a sensor must be one of cts350x, cir204, cir304, cir304_rt, cts_small or a .toml file",
     "--radar nowhere.toml": "--radar: nowhere.toml: cannot be read",
     "--radar=cir304_rt --sensor.fft-size 8192": "fft_size must be a power of two of 13696 or more",
     "--layout moon": "--layout: layout must be one of oxford, mulran, boreas, got 'moon'",

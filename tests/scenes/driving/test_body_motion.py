@@ -133,7 +133,7 @@ def deviation_deg(track: Trajectory, until_s: float) -> tuple[NDArray[np.float64
     return fast.std(axis=0), np.quantile(np.abs(fast), 0.99, axis=0)
 
 
-@pytest.mark.parametrize("preset", ["town", "suburb", "industrial", "motorway", "open", "empty"])
+@pytest.mark.parametrize("preset", ["town", "suburb", "industrial", "motorway", "open", "empty", "yard"])
 def test_pitch_and_roll_are_those_of_real_cars_on_flat_roads(preset: str) -> None:
     # Flat places of HeRCULES: pitch 0.26-0.44 deg, 99 % 0.7-1.7; roll 0.22-0.46 deg, 99 % 0.6-1.5.
     roads = roads_of(preset)

@@ -19,7 +19,7 @@ def town() -> Scene:
     return build_town("town", seed=7)
 
 
-@pytest.fixture(scope="module", params=["motorway", "open", "empty"])
+@pytest.fixture(scope="module", params=["motorway", "open", "empty", "yard"])
 def country(request: pytest.FixtureRequest) -> Scene:
     return build_town(request.param, seed=7)
 
@@ -164,7 +164,7 @@ def test_one_seed_gives_one_town_with_all_objects(town: Scene) -> None:
 
 
 def test_unknown_presets_are_refused_by_name() -> None:
-    with pytest.raises(ValueError, match="town, suburb, industrial, motorway, open, empty, got 'moon'"):
+    with pytest.raises(ValueError, match="town, suburb, industrial, motorway, open, empty, yard, got 'moon'"):
         build_town("moon", seed=0)
 
 

@@ -114,6 +114,12 @@ def test_no_end_of_the_world_is_in_sight(preset: str) -> None:
     check_density(world)
 
 
+def test_trees_stand_all_around_beyond_the_wall_of_a_yard() -> None:
+    world = World(scene=build_town("yard", seed=3))
+    check_ground(world)
+    check_clutter(world)
+
+
 def test_the_plane_goes_on() -> None:
     check_ground(World(scene=build_town("empty", seed=3)))
 
