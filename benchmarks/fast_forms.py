@@ -22,7 +22,7 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate
 
 from benchmarks.machine import description
-from echoscape.eval.odometry.learned import Solver, chosen_weights, learned_odometry
+from echoscape.eval.odometry.learned import Solver, learned_odometry
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.procrustes import moved
 from echoscape.learn.geometry.se2 import to_motion
@@ -41,6 +41,7 @@ from echoscape.learn.model.local_matching import Moments, Near, NearSearch
 from echoscape.learn.model.model_settings import ModelSettings
 from echoscape.learn.model.pixel_coords import pixel_grid, sampled
 from echoscape.learn.model.tiled_matching import Search
+from echoscape.learn.model.weights import chosen_weights
 from echoscape.learn.odometry import scan_matcher
 from echoscape.learn.training.checkpoint import initial_model
 from echoscape.learn.training.losses import likelihood_loss

@@ -16,11 +16,12 @@ import torch
 
 from benchmarks.machine import description
 from benchmarks.training_step import medians
-from echoscape.eval.odometry.learned import learned_odometry, shipped_weights
+from echoscape.eval.odometry.learned import learned_odometry
 from echoscape.learn.data.image import Projector, range_cells
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.model.keypoint_model import KeypointModel
 from echoscape.learn.model.model_settings import ModelSettings
+from echoscape.learn.model.weights import shipped_weights
 from echoscape.learn.odometry.scan_matcher import MatcherConfig, ScanMatcher, fast_config
 from echoscape.learn.training.checkpoint import initial_model
 from echoscape.sim.datasets.polar_scan import PolarScan

@@ -143,7 +143,8 @@ def _method(options: Options, folder: "ScanFolder") -> "OdometryMethod[Any]":
         from echoscape.eval.odometry.fourier_mellin import FourierOdometry
 
         return FourierOdometry(range_offset_m=folder.range_offset_m)
-    from echoscape.eval.odometry.learned import chosen_weights, learned_odometry
+    from echoscape.eval.odometry.learned import learned_odometry
+    from echoscape.learn.model.weights import chosen_weights
 
     use_threads(options.threads)
     # Mean over azimuths: alternating chirps shift every other azimuth the other way, on average by 0.

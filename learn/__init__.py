@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from echoscape.learn.model.keypoint_model import KeypointModel as KeypointModel
     from echoscape.learn.model.weights import load_weights as load_weights
     from echoscape.learn.odometry.keyframe_odometry import KeyframeOdometry as KeyframeOdometry
+    from echoscape.learn.odometry.keypoint_detector import KeypointDetector as KeypointDetector
+    from echoscape.learn.odometry.keypoint_detector import ScanKeypoints as ScanKeypoints
     from echoscape.learn.odometry.scan_matcher import ScanMatcher as ScanMatcher
     from echoscape.learn.training.trainer import train as train
 else:
@@ -20,6 +22,7 @@ else:
             "model.keypoint_model": ["KeypointModel"],
             "model.weights": ["load_weights"],
             "odometry.keyframe_odometry": ["KeyframeOdometry"],
+            "odometry.keypoint_detector": ["KeypointDetector", "ScanKeypoints"],
             "odometry.scan_matcher": ["ScanMatcher"],
             "training.trainer": ["train"],
         },

@@ -7,54 +7,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 from echoscape.eval.odometry.interface import MatchedPoints, PairFailed, PairMotion
-from echoscape.learn import model as model_package
 from echoscape.learn.model.device import Device, resolve_device
 from echoscape.learn.model.weights import load_weights
 from echoscape.learn.odometry.keyframe_odometry import ROBUST_PAIRS, KeyframeOdometry, OdometryConfig
 from echoscape.learn.odometry.paper_odometry import PaperOdometry
 from echoscape.learn.odometry.scan_matcher import ScanMatcher, fast_config
-from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.polar_scan import PolarScan
-
-_PREFIX = "keypoints_"
 
 Solver = Literal["paper", "robust", "keyframe"]
 """How poses are solved, see `learned_odometry`."""
-
-
-def shipped_weights() -> dict[float, Path]:
-    """List the bundled weights.
-
-    Returns:
-        Their files by pixel width [m], coarsest first.
-    """
-    folder = Path(next(iter(model_package.__path__))) / "weights_files"
-    found = {float(path.stem.removeprefix(_PREFIX)): path for path in folder.glob(f"{_PREFIX}*.safetensors")}
-    return dict(sorted(found.items(), reverse=True))
-
-
-def chosen_weights(resolution_m: float | None = None) -> Path:
-    """Choose among the bundled weights.
-
-    Args:
-        resolution_m: Pixel width [m]; None takes the coarsest, the fastest.
-
-    Returns:
-        The file.
-
-    Raises:
-        DatasetError: None are bundled, or none for that width.
-    """
-    found = shipped_weights()
-    if not found:
-        raise DatasetError(
-            "no weights are bundled with this package: name a file with --weights, or take --method fourier"
-        )
-    if resolution_m is None:
-        return next(iter(found.values()))
-    if resolution_m not in found:
-        raise DatasetError(f"resolution must be one of {', '.join(map(str, found))}, got {resolution_m}")
-    return found[resolution_m]
 
 
 class LearnedOdometry:

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from echoscape.eval.odometry.interface import PairMotion
-from echoscape.eval.odometry.learned import Solver, chosen_weights, learned_odometry
+from echoscape.eval.odometry.learned import Solver, learned_odometry
 from echoscape.learn.model.device import Device
+from echoscape.learn.model.weights import chosen_weights
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.sensor import Sensor

@@ -1,6 +1,7 @@
 """Weights in one file: safetensors, with the model's settings and the record of its training in the header.
 
 Source: the safetensors format, tensors and a dictionary of strings; no code is executed when a file is read.
+The bundled weights lie in `weights_files`, named for their pixel width.
 """
 
 import json
@@ -21,6 +22,44 @@ from echoscape.sim.datasets.files.atomic_write import DatasetError, write_atomic
 FORMAT = "echoscape keypoints 1"
 _KEY = "echoscape"
 """The one entry of the header: several would be written in an order that changes from run to run."""
+_BUNDLED = Path(__file__).parent / "weights_files"
+_PREFIX = "keypoints_"
+
+
+def shipped_weights() -> dict[float, Path]:
+    """List the bundled weights.
+
+    Returns:
+        Their files by pixel width [m], coarsest first.
+    """
+    files = _BUNDLED.glob(f"{_PREFIX}*.safetensors")
+    found = {float(path.stem.removeprefix(_PREFIX)): path for path in files}
+    return dict(sorted(found.items(), reverse=True))
+
+
+def chosen_weights(resolution_m: float | None = None) -> Path:
+    """Choose among the bundled weights.
+
+    Args:
+        resolution_m: Pixel width [m]; None takes the coarsest, the fastest.
+
+    Returns:
+        The file.
+
+    Raises:
+        DatasetError: None are bundled, or none for that width.
+    """
+    found = shipped_weights()
+    if not found:
+        raise DatasetError(
+            "no weights are bundled with this package: name a file of weights (--weights), or take phase "
+            "correlation (--method fourier)"
+        )
+    if resolution_m is None:
+        return next(iter(found.values()))
+    if resolution_m not in found:
+        raise DatasetError(f"resolution must be one of {', '.join(map(str, found))}, got {resolution_m}")
+    return found[resolution_m]
 
 
 def settings_of(values: Mapping[str, Any]) -> ModelSettings:

@@ -193,7 +193,7 @@ class KeyframeOdometry:
         """Return the timing of a pair, None where points are taken as measured."""
         if self._doppler_beta_s is None:
             return None
-        scan_s = _duration_s(scan)
+        scan_s = scan.revolution_s
         if gap_s == 0 or scan_s <= 0:
             _LOG.warning("scan of %g s, %g s after the one before: points as measured", scan_s, gap_s)
             return None
@@ -244,13 +244,6 @@ class KeyframeOdometry:
 def _mid_scan_s(scan: PolarScan) -> float:
     """Return the time halfway between the first azimuth and the last [s]."""
     return (int(scan.timestamp_us[0]) + int(scan.timestamp_us[-1])) / 2e6
-
-
-def _duration_s(scan: PolarScan) -> float:
-    """Return the duration of a scan, the last azimuth's own time included [s]."""
-    azimuths = len(scan.timestamp_us)
-    between_s = (int(scan.timestamp_us[-1]) - int(scan.timestamp_us[0])) / 1e6
-    return between_s * azimuths / max(azimuths - 1, 1)
 
 
 def _with_twist(keyframe: Keyframe, motion: SE2, duration_s: float) -> Keyframe:

@@ -149,3 +149,10 @@ class PolarScan(ArrayRecord):
     def seam_rad(self) -> float:
         """Azimuth at which the revolution begins and ends, half a step before the first azimuth [rad]."""
         return self.first_azimuth_rad - np.pi / len(self.encoder)
+
+    @property
+    def revolution_s(self) -> float:
+        """Duration of the revolution by the times of the azimuths, that of the last one included [s]."""
+        azimuths = len(self.timestamp_us)
+        between_s = (int(self.timestamp_us[-1]) - int(self.timestamp_us[0])) / 1e6
+        return between_s * azimuths / max(azimuths - 1, 1)

@@ -124,7 +124,7 @@ def test_what_only_the_learned_method_has_is_refused_with_others(
 def test_learned_method_without_weights_says_what_to_do(
     points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("echoscape.eval.odometry.learned.shipped_weights", dict)
+    monkeypatch.setattr("echoscape.learn.model.weights.shipped_weights", dict)
     line = refusal(capsys, str(points), "--out", str(tmp_path / "out"))
     assert "no weights" in line
     assert "--weights" in line

@@ -9,15 +9,9 @@ import torch
 from numpy.testing import assert_allclose
 
 from echoscape.eval.odometry.interface import PairFailed
-from echoscape.eval.odometry.learned import (
-    LearnedOdometry,
-    Solver,
-    chosen_weights,
-    learned_odometry,
-    shipped_weights,
-)
+from echoscape.eval.odometry.learned import LearnedOdometry, Solver, learned_odometry
 from echoscape.learn.model.device import Device
-from echoscape.learn.model.weights import load_weights
+from echoscape.learn.model.weights import chosen_weights, load_weights
 from echoscape.learn.odometry.keyframe_odometry import ROBUST_PAIRS, KeyframeOdometry, OdometryConfig
 from echoscape.learn.odometry.pair_estimate import PairEstimate
 from echoscape.learn.odometry.paper_odometry import PaperOdometry
@@ -141,19 +135,3 @@ def test_what_is_no_weights_is_told(tmp_path: Path) -> None:
     (tmp_path / "w.safetensors").write_bytes(b"nothing")
     with pytest.raises(DatasetError, match=r"w\.safetensors"):
         learned_odometry(tmp_path / "w.safetensors")
-
-
-def test_weights_are_chosen_by_resolution_the_coarsest_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
-    files = {0.6912: Path("coarse"), 0.3456: Path("fine")}
-    monkeypatch.setattr("echoscape.eval.odometry.learned.shipped_weights", lambda: files)
-    assert chosen_weights() == Path("coarse")
-    assert chosen_weights(0.3456) == Path("fine")
-    with pytest.raises(DatasetError, match=r"resolution must be one of 0\.6912, 0\.3456, got 1\.0"):
-        chosen_weights(1.0)
-
-
-def test_weights_that_came_along_are_of_the_resolution_that_they_are_named_for() -> None:
-    for pixel_m, path in shipped_weights().items():
-        model, record = load_weights(path)
-        assert model.settings.image.pixel_m == pixel_m
-        assert record["data"]

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from echoscape.eval.odometry.learned import learned_odometry, shipped_weights
+from echoscape.eval.odometry.learned import learned_odometry
 from echoscape.eval.odometry.metrics import pair_errors
 from echoscape.eval.odometry.run import run_odometry
-from echoscape.learn.model.weights import load_weights
+from echoscape.learn.model.weights import load_weights, shipped_weights
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import open_folder
 from tests.eval.drives import landmarks, scan_of

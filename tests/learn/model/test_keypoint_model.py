@@ -8,7 +8,6 @@ import torch
 from numpy.testing import assert_allclose
 from torch import Tensor
 
-from echoscape.eval.odometry.learned import shipped_weights
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.geometry.procrustes import Motion, motion_of_matches, moved, rotation_of_yaw
 from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
@@ -24,7 +23,7 @@ from echoscape.learn.model.keypoint_model import (
 )
 from echoscape.learn.model.model_settings import ModelSettings, Pooling
 from echoscape.learn.model.pixel_coords import sampled
-from echoscape.learn.model.weights import load_weights
+from echoscape.learn.model.weights import load_weights, shipped_weights
 from echoscape.learn.odometry.paper_odometry import PaperOdometry
 from tests.eval.drives import landmarks, scan_of
 

@@ -6,8 +6,7 @@ import pytest
 import torch
 from numpy.testing import assert_allclose
 
-from echoscape.eval.odometry.learned import shipped_weights
-from echoscape.learn.model.weights import load_weights
+from echoscape.learn.model.weights import load_weights, shipped_weights
 from echoscape.learn.odometry.paper_odometry import PaperOdometry
 from tests.eval.drives import landmarks, scan_of
 
