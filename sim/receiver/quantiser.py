@@ -50,3 +50,17 @@ def decibels(code: ArrayLike) -> NDArray[np.float32]:
         Levels of the same shape, float32 [dB above one unit]; code 0 stands for 0 dB or less.
     """
     return np.asarray(code, np.float32) / np.float32(2)
+
+
+def middle_power(code: ArrayLike) -> NDArray[np.float32]:
+    """Invert the quantiser: the power in the middle of those that give a count with this code.
+
+    Args:
+        code: Codes of any shape.
+
+    Returns:
+        Powers of the same shape, float32 [units of written power]; `codes` gives each code that occurs again.
+    """
+    octave, sixths = np.divmod(np.asarray(code, np.uint8), 6)
+    counts = np.rint(np.ldexp(1 + sixths.astype(np.float32) / 6, octave.astype(np.int32)))
+    return np.where(octave + sixths > 0, counts + (np.float32(0.5) - _ROUNDED), np.float32(LEAST_POWER / 2))

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
-from echoscape.sim.receiver.quantiser import codes, decibels
+from echoscape.sim.receiver.quantiser import codes, decibels, middle_power
 
 
 def law(count: int) -> int:
@@ -43,3 +44,11 @@ def test_half_a_code_is_a_decibel_of_the_piecewise_logarithm(count: int) -> None
 def test_refuses_what_is_no_power(power: float) -> None:
     with pytest.raises(ValueError, match="power"):
         codes(power)
+
+
+def test_power_in_the_middle_of_a_code_gives_the_code_again() -> None:
+    written = np.unique(codes(np.geomspace(1e-3, 1e13, 200_000)))
+    assert written[-1] == 254
+    assert_array_equal(codes(middle_power(written)), written)
+    strong = written[written > 60].astype(float)  # six codes an octave, bent by 0.26 dB at most
+    assert_allclose(10 * np.log10(middle_power(strong)), strong / 6 * 10 * np.log10(2), atol=0.27)
