@@ -5,16 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from echoscape.scenes.core.scene import Mesh, Prototype
-from echoscape.scenes.geometry.primitives import (
-    circle,
-    ellipsoid,
-    loft,
-    merge,
-    moved,
-    prototype,
-    ring_normals,
-    tube,
-)
+from echoscape.scenes.geometry.meshes import merge, moved, prototype
+from echoscape.scenes.geometry.primitives import circle, ellipsoid, loft, tube
+from echoscape.scenes.geometry.smooth_normals import ring_normals
 
 Point = tuple[float, float, float]
 

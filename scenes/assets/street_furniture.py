@@ -9,19 +9,9 @@ from numpy.typing import NDArray
 
 from echoscape.scenes.assets.vehicle_bodies import bevelled_box
 from echoscape.scenes.core.scene import Mesh, Prototype
-from echoscape.scenes.geometry.primitives import (
-    box,
-    circle,
-    cylinder,
-    ellipsoid,
-    loft,
-    merge,
-    moved,
-    prism,
-    prototype,
-    smoothed,
-    tube,
-)
+from echoscape.scenes.geometry.meshes import merge, moved, prototype
+from echoscape.scenes.geometry.primitives import box, circle, cylinder, ellipsoid, loft, prism, tube
+from echoscape.scenes.geometry.smooth_normals import smoothed
 
 _STAND_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x, x to y, y to z
 

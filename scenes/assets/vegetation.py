@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.scene import Mesh, Prototype
-from echoscape.scenes.geometry.primitives import merge, mesh, prototype, quads, tube
+from echoscape.scenes.geometry.meshes import merge, mesh, prototype, quads
+from echoscape.scenes.geometry.primitives import tube
 
 _SEED = 20200531
 

@@ -12,17 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.scene import Mesh
-from echoscape.scenes.geometry.primitives import (
-    box,
-    circle,
-    loft,
-    loft_quads,
-    merge,
-    mesh,
-    mirrored,
-    moved,
-    smoothed,
-)
+from echoscape.scenes.geometry.meshes import merge, mesh, mirrored, moved
+from echoscape.scenes.geometry.primitives import box, circle, loft, loft_quads
+from echoscape.scenes.geometry.smooth_normals import smoothed
 
 Line = tuple[tuple[float, float], ...]
 """Knots (distance from the front [m], value) of a piecewise linear profile along a vehicle."""

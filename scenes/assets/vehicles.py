@@ -11,7 +11,8 @@ import numpy as np
 from echoscape.scenes.assets.people import cyclist_prototypes, pedestrian_prototypes
 from echoscape.scenes.assets.vehicle_bodies import Hull, bevelled_box, hull_parts, mirrors, wheels
 from echoscape.scenes.core.scene import Mesh, Prototype
-from echoscape.scenes.geometry.primitives import box, merge, mesh, moved, prototype, tube
+from echoscape.scenes.geometry.meshes import merge, mesh, moved, prototype
+from echoscape.scenes.geometry.primitives import box, tube
 
 Parts = dict[str, Mesh]
 _PLATE_BEND_RAD = 0.06

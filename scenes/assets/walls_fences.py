@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.scene import Mesh
-from echoscape.scenes.geometry.primitives import quads
+from echoscape.scenes.geometry.meshes import quads
 
 FenceKind = Literal["boards", "railing", "chain_link"]
 

@@ -1,21 +1,17 @@
-"""Small solids as triangle meshes: boxes, prisms, lofts, tubes, ellipsoids, separate quads, and their union.
+"""Small solids as triangle meshes: boxes, prisms, lofts, tubes and ellipsoids.
 
-Faces are counter-clockwise seen from outside. Shapes are computed in float64 and rounded once to float32.
-Round solids carry the normals of the surface that their facets stand for.
+Faces are counter-clockwise seen from outside. Round solids carry the normals of the surface that their facets
+stand for.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from echoscape.scenes.core.scene import Mesh, Prototype, joined_normals
-
-MIN_AREA_M2 = 1e-8
-"""Smaller faces are dropped; they arise where a shape tapers to an edge."""
-_FLAT = 1e-4
-"""Faces whose normals differ by less are flat [rad]."""
+from echoscape.scenes.core.scene import Mesh
+from echoscape.scenes.geometry.meshes import mesh
+from echoscape.scenes.geometry.triangulation import polygon_triangles
 
 _BOX_CORNERS = np.array(
     [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]
@@ -23,161 +19,6 @@ _BOX_CORNERS = np.array(
 _BOX_QUADS = np.array(
     [[3, 2, 1, 0], [4, 5, 6, 7], [0, 1, 5, 4], [2, 3, 7, 6], [3, 0, 4, 7], [1, 2, 6, 5]]
 )  # below, above, -y, +y, -x, +x
-
-
-def mesh(vertices: ArrayLike, faces: ArrayLike, normals: ArrayLike | None = None) -> Mesh:
-    """Make a mesh without faces of zero area.
-
-    Args:
-        vertices: Positions (V, 3) [m].
-        faces: Vertex indices (F, 3).
-        normals: Unit normals of the curved surface at the corners of each face (F, 3, 3), zero for faces that
-            are flat; None where all are.
-
-    Returns:
-        The mesh.
-    """
-    points = np.asarray(vertices, dtype=np.float32).reshape(-1, 3)
-    triangles = np.asarray(faces, dtype=np.uint32).reshape(-1, 3)
-    kept = areas(points, triangles) > MIN_AREA_M2
-    smooth = None if normals is None else np.asarray(normals, np.float32).reshape(-1, 3, 3)[kept]
-    return Mesh(vertices=points, faces=triangles[kept], normals=smooth)
-
-
-def smoothed(part: Mesh, *, crease_rad: float) -> Mesh:
-    """Give a mesh the normals of the curved surface that its facets stand for.
-
-    The normal at a corner of a face is the mean of those faces around the corner that are inclined to it by
-    less than `crease_rad`, weighted by their angles there (Thuermer & Wuethrich, J. Graphics Tools 3(1),
-    1998). Faces that meet none but coplanar ones stay flat.
-
-    Args:
-        part: The mesh; corners within 0.01 mm of each other are one.
-        crease_rad: Largest angle between neighbours that are one surface [rad].
-
-    Returns:
-        The mesh with normals.
-    """
-    corners = part.vertices[part.faces].astype(np.float64)
-    edges = np.roll(corners, -1, axis=1) - corners
-    normal = np.cross(edges[:, 0], edges[:, 1])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    toward, back = edges, -np.roll(edges, 1, axis=1)
-    cosine = np.sum(toward * back, axis=2) / np.linalg.norm(toward, axis=2) / np.linalg.norm(back, axis=2)
-    angle = np.arccos(np.clip(cosine, -1, 1)).ravel()
-    _, place = np.unique(np.round(corners.reshape(-1, 3) * 1e5).astype(np.int64), axis=0, return_inverse=True)
-    first, second = _pairs(place.ravel())
-    one_surface = np.sum(normal[first // 3] * normal[second // 3], axis=1) > np.cos(crease_rad)
-    first, second = first[one_surface], second[one_surface]
-    weight = angle[second, None] * normal[second // 3]
-    total = np.stack([np.bincount(first, weight[:, k], len(angle)) for k in range(3)], axis=1)
-    total /= np.linalg.norm(total, axis=1, keepdims=True)
-    total = total.reshape(-1, 3, 3)
-    flat = np.abs(total - normal[:, None]).max(axis=(1, 2)) < _FLAT
-    total[flat] = 0.0
-    return replace(part, normals=total.astype(np.float32))
-
-
-def _pairs(place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return all ordered pairs of items that lie in one place, each item with itself included."""
-    order = np.argsort(place, kind="stable")
-    count = np.bincount(place)
-    start = np.cumsum(count) - count
-    times = count[place]
-    first = np.repeat(np.arange(len(place)), times)
-    within = np.arange(len(first)) - np.repeat(np.cumsum(times) - times, times)
-    return first, order[start[place[first]] + within]
-
-
-def areas(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """Return the area of each face.
-
-    Args:
-        vertices: Positions (V, 3) float32 [m].
-        faces: Vertex indices (F, 3) uint32.
-
-    Returns:
-        Areas (F,) [m^2].
-    """
-    first, second, third = vertices[faces.T].astype(np.float64)
-    ux, uy, uz = (second - first).T
-    vx, vy, vz = (third - first).T
-    return 0.5 * np.sqrt((uy * vz - uz * vy) ** 2 + (uz * vx - ux * vz) ** 2 + (ux * vy - uy * vx) ** 2)
-
-
-def quads(corners: ArrayLike) -> Mesh:
-    """Make a mesh of separate quads.
-
-    Args:
-        corners: Corners (Q, 4, 3) [m], each quad counter-clockwise seen from its outer side.
-
-    Returns:
-        The mesh, two triangles per quad.
-    """
-    points = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 3)
-    first = 4 * np.arange(len(points))
-    return mesh(points, first[:, None] + [0, 1, 2, 0, 2, 3])
-
-
-def merge(meshes: Iterable[Mesh]) -> Mesh:
-    """Concatenate meshes.
-
-    Args:
-        meshes: The meshes; may be none.
-
-    Returns:
-        One mesh.
-    """
-    parts = list(meshes)
-    if not parts:
-        return Mesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.uint32))
-    start = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
-    faces = [part.faces + np.uint32(offset) for part, offset in zip(parts, start, strict=True)]
-    return Mesh(
-        vertices=np.concatenate([part.vertices for part in parts]),
-        faces=np.concatenate(faces),
-        normals=joined_normals(parts),
-    )
-
-
-def moved(
-    part: Mesh,
-    offset_m: Sequence[float] = (0.0, 0.0, 0.0),
-    *,
-    yaw_rad: float = 0.0,
-    rotation: ArrayLike | None = None,
-) -> Mesh:
-    """Rotate and translate a mesh.
-
-    Args:
-        part: The mesh.
-        offset_m: Translation x, y, z [m], applied last.
-        yaw_rad: Rotation about z [rad], applied after `rotation`.
-        rotation: Rotation matrix (3, 3), applied first; None for none.
-
-    Returns:
-        The transformed mesh.
-    """
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    turn = turn if rotation is None else turn @ np.asarray(rotation, dtype=np.float64)
-    points = part.vertices.astype(np.float64) @ turn.T + np.asarray(offset_m, dtype=np.float64)
-    normals = None if part.normals is None else (part.normals @ turn.T).astype(np.float32)
-    return Mesh(vertices=points.astype(np.float32), faces=part.faces, normals=normals)
-
-
-def mirrored(part: Mesh) -> Mesh:
-    """Mirror a mesh in the x-z plane, so that left becomes right; its faces still point outwards.
-
-    Args:
-        part: The mesh.
-
-    Returns:
-        The mirrored mesh.
-    """
-    flip = np.array([1, -1, 1], np.float32)
-    normals = None if part.normals is None else part.normals[:, ::-1] * flip
-    return Mesh(vertices=part.vertices * flip, faces=part.faces[:, ::-1].copy(), normals=normals)
 
 
 def box(size_m: Sequence[float], centre_m: Sequence[float] = (0.0, 0.0, 0.0)) -> Mesh:
@@ -219,21 +60,6 @@ def loft(rings: ArrayLike, *, caps: bool = True, normals: ArrayLike | None = Non
     return mesh(points.reshape(-1, 3), faces, smooth)
 
 
-def ring_normals(rings: ArrayLike) -> NDArray[np.float64]:
-    """Return the normals of the curved surface through successive rings, from the differences between points.
-
-    Args:
-        rings: Closed cross-sections (K, N, 3) [m], as for `loft`; no ring is a single point.
-
-    Returns:
-        Unit normals (K, N, 3).
-    """
-    points = np.asarray(rings, dtype=np.float64)
-    around = np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)
-    outwards = np.cross(around, np.gradient(points, axis=0))
-    return outwards / np.linalg.norm(outwards, axis=2, keepdims=True)
-
-
 def loft_quads(count: int, size: int) -> NDArray[np.int64]:
     """Return the quads between successive rings of vertices.
 
@@ -271,37 +97,6 @@ def prism(outline: ArrayLike, *, bottom_m: float, top_m: float) -> Mesh:
     size = len(corners)
     points = np.concatenate([np.c_[corners, np.full(size, bottom_m)], np.c_[corners, np.full(size, top_m)]])
     return mesh(points, np.concatenate([_quad_faces(loft_quads(2, size)), lid[:, ::-1], lid + size]))
-
-
-def polygon_triangles(outline: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Triangulate a polygon by ear clipping.
-
-    Args:
-        outline: Simple counter-clockwise polygon (N, 2).
-
-    Returns:
-        Corner indices (N - 2, 3).
-    """
-    left = list(range(len(outline)))
-    triangles = []
-    while len(left) > 3:
-        ear = next((i for i in range(len(left)) if _is_ear(outline, left, i)), 0)
-        triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
-        del left[ear]
-    return np.array([*triangles, left], dtype=np.int64)
-
-
-def _is_ear(outline: NDArray[np.float64], left: list[int], i: int) -> bool:
-    """Return whether corner `i` of the remaining polygon can be cut off."""
-    before, own, after = left[i - 1], left[i], left[(i + 1) % len(left)]
-    corners = outline[[before, own, after]]
-    edges = np.roll(corners, -1, axis=0) - corners
-    if edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0] <= 1e-12:
-        return False
-    others = outline[[j for j in left if j not in (before, own, after)]]
-    away = others[:, None] - corners  # (M, 3, 2)
-    side = edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0]
-    return not bool(np.any(np.all(side >= 0, axis=1)))
 
 
 def circle(radius_m: float, sides: int) -> NDArray[np.float64]:
@@ -386,26 +181,3 @@ def ellipsoid(
     outwards = unit / np.asarray(radii_m)
     outwards /= np.linalg.norm(outwards, axis=2, keepdims=True)
     return loft(unit * np.asarray(radii_m) + np.asarray(centre_m), caps=False, normals=outwards)
-
-
-def prototype(name: str, class_name: str, parts: dict[str, Mesh]) -> Prototype:
-    """Make a prototype, shifted so that its bounding box is centred on the origin and stands on z = 0.
-
-    Args:
-        name: Name of the prototype.
-        class_name: Class of its objects.
-        parts: Meshes by name of the material.
-
-    Returns:
-        The prototype.
-    """
-    points = np.concatenate([part.vertices[np.unique(part.faces)] for part in parts.values()])
-    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
-    shift = (-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2])
-    length, width, height = (high - low).tolist()
-    return Prototype(
-        name=name,
-        class_name=class_name,
-        parts={material: moved(part, shift) for material, part in parts.items()},
-        extent_m=(length, width, height),
-    )

@@ -14,7 +14,7 @@ from echoscape.scenes.assets.buildings.building import building
 from echoscape.scenes.assets.vegetation import hedge
 from echoscape.scenes.assets.walls_fences import fence, wall
 from echoscape.scenes.core.scene import Mesh, Prototype
-from echoscape.scenes.geometry.primitives import prototype
+from echoscape.scenes.geometry.meshes import prototype
 from echoscape.scenes.town.presets import PARCEL_RULES, ParcelRule, Preset
 
 BOUNDARY_M = 5.0

@@ -20,7 +20,8 @@ from echoscape.scenes.geometry.curves import (
     points_at,
     resampled,
 )
-from echoscape.scenes.geometry.primitives import box, cylinder, merge, moved
+from echoscape.scenes.geometry.meshes import merge, moved
+from echoscape.scenes.geometry.primitives import box, cylinder
 from echoscape.scenes.roads.ground_mesh import Ground
 from echoscape.scenes.roads.motorway import EDGE_M, Motorway
 from echoscape.scenes.roads.street_network import Network

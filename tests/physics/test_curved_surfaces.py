@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from benchmarks.cross_sections import cross_sections_m2
 from echoscape.scenes.assets.vehicles import vehicle_prototypes
-from echoscape.scenes.geometry.primitives import ellipsoid, moved, prototype
+from echoscape.scenes.geometry.meshes import moved, prototype
+from echoscape.scenes.geometry.primitives import ellipsoid
 from tests.physics.laws import LawRecorder
 from tests.physics.tracing import WAVELENGTH_M
 from tests.sim.worlds import decibel

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from echoscape.scenes.assets.buildings import roof
 from echoscape.scenes.assets.buildings.facade import Frame, Quads
 from echoscape.scenes.core.scene import Mesh
-from echoscape.scenes.geometry.primitives import quads
+from echoscape.scenes.geometry.meshes import quads
 
 
 @dataclass(kw_only=True)

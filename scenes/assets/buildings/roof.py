@@ -6,7 +6,7 @@ All return quads (N, 4, 3) [m] in the world, counter-clockwise seen from outside
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from echoscape.scenes.geometry.primitives import polygon_triangles
+from echoscape.scenes.geometry.triangulation import polygon_triangles
 
 Quads = NDArray[np.float64]
 

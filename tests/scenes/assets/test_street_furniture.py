@@ -4,7 +4,7 @@ import pytest
 from echoscape.scenes.assets.street_furniture import furniture_prototypes
 from echoscape.scenes.core.materials import MATERIALS
 from echoscape.scenes.core.scene import CLASSES
-from echoscape.scenes.geometry.primitives import areas
+from echoscape.scenes.geometry.meshes import areas
 
 PROTOTYPES = {proto.name: proto for proto in furniture_prototypes()}
 

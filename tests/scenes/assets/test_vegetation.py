@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from echoscape.scenes.assets.vegetation import hedge, tree_prototypes
-from echoscape.scenes.geometry.primitives import areas
+from echoscape.scenes.geometry.meshes import areas
 
 PROTOTYPES = {proto.name: proto for proto in tree_prototypes()}
 

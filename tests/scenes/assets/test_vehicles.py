@@ -4,7 +4,7 @@ import pytest
 from echoscape.scenes.assets.vehicles import vehicle_prototypes
 from echoscape.scenes.core.materials import MATERIALS
 from echoscape.scenes.core.scene import CLASSES, Prototype
-from echoscape.scenes.geometry.primitives import areas
+from echoscape.scenes.geometry.meshes import areas
 
 PROTOTYPES = {proto.name: proto for proto in vehicle_prototypes()}
 SIZES_M = {  # least and most length, width (with mirrors), height

@@ -7,7 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from echoscape.scenes.core.scene import CLASSES, Mesh, Placements, Prototype, Scene
-from echoscape.scenes.geometry.primitives import box, ellipsoid, moved, prototype, smoothed
+from echoscape.scenes.geometry.meshes import moved, prototype
+from echoscape.scenes.geometry.primitives import box, ellipsoid
+from echoscape.scenes.geometry.smooth_normals import smoothed
 from echoscape.sim.kinematics.rolling_scan import MoverStates
 from echoscape.sim.raytracing.intersection import Hits, RayScene
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi

@@ -8,7 +8,7 @@ from echoscape.scenes.assets.buildings.facade import grid, panes, pierced_wall, 
 from echoscape.scenes.assets.buildings.roof import offset_outline, signed_area
 from echoscape.scenes.core.materials import MATERIALS
 from echoscape.scenes.core.scene import Mesh
-from echoscape.scenes.geometry.primitives import areas
+from echoscape.scenes.geometry.meshes import areas
 
 RECTANGLE = np.array([[0.0, 0.0], [18.0, 0.0], [18.0, 11.0], [0.0, 11.0]])
 L_SHAPE = np.array([[0, 0], [14, 0], [14, 7], [7, 7], [7, 13], [0, 13.0]])
