@@ -1,0 +1,1 @@
+"""Detectors on polar scans, judged by the truth of every cell."""

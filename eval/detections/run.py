@@ -1,0 +1,150 @@
+"""Judges detectors over a folder of simulated scans: every scan is read once, and every method works on it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from echoscape.eval.detections.interface import Detections, Detector
+from echoscape.eval.detections.tally import BAND_M, Tally, tally_scan
+from echoscape.eval.detections.targets import JudgeSettings, ScanTargets, judged_bins
+from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.files.metadata import read_manifest
+from echoscape.sim.datasets.polar_scan import PolarScan
+from echoscape.sim.datasets.scan_folder import ScanFolder
+
+Progress = Callable[[str, int, int], None]
+"""Called with a stage (scans), how much of it is done, and how much there is to do."""
+MOST_BLOCKS = 64
+"""Blocks of scans whose counts are kept apart, for the bootstrap."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgedMethod:
+    """What a method detected in a folder.
+
+    Attributes:
+        name: Its name.
+        score_name: What its score is, with its unit.
+        score_limits: Its lowest and highest score.
+        blocks: Counts of blocks of successive scans; the first axis is that of the blocks.
+        shown: Its detections in the scan that is drawn.
+        shown_labels: What these fell on.
+    """
+
+    name: str
+    score_name: str
+    score_limits: tuple[float, float]
+    blocks: Tally
+    shown: Detections
+    shown_labels: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectionResult:
+    """Methods judged over a folder.
+
+    Attributes:
+        folder: Name of the folder.
+        settings: How detections are judged.
+        classes: Names of the object classes by number.
+        near_m: Where the judged ranges begin [m].
+        far_m: Where they end [m].
+        scans: Number of scans.
+        shown_number: Number of the scan that is drawn, in the folder.
+        shown_scan: That scan.
+        methods: The methods.
+    """
+
+    folder: str
+    settings: JudgeSettings
+    classes: tuple[str, ...]
+    near_m: float
+    far_m: float
+    scans: int
+    shown_number: int
+    shown_scan: PolarScan
+    methods: tuple[JudgedMethod, ...]
+
+
+def judge_detectors(
+    folder: ScanFolder,
+    detectors: Sequence[Detector],
+    settings: JudgeSettings | None = None,
+    *,
+    every: int = 1,
+    progress: Progress | None = None,
+) -> DetectionResult:
+    """Judge detectors by the truth of a folder.
+
+    Args:
+        folder: A simulated folder.
+        detectors: The methods.
+        settings: How detections are judged; None for the default.
+        every: Judge one scan of so many.
+        progress: Called with stage, done and total.
+
+    Returns:
+        What each method detected.
+
+    Raises:
+        DatasetError: The folder has no truth, or a file is absent or damaged.
+        ValueError: `every` is below 1, or no bin is judged.
+    """
+    settings = settings or JudgeSettings()
+    classes = _classes(folder)
+    if every < 1:
+        raise ValueError(f"every must be 1 or more, got {every}")
+    bin_m = folder.sensor.bin_m
+    judged = judged_bins(folder.sensor.bins, bin_m, settings)
+    bands = int(np.ceil(judged.stop * bin_m / BAND_M))
+    numbers = range(0, len(folder), every)
+    blocks = min(len(numbers), MOST_BLOCKS)
+    tallies = [Tally.empty(blocks, bands=bands, classes=len(classes)) for _ in detectors]
+    shown_place = len(numbers) // 2
+    shown: list[tuple[Detections, np.ndarray]] = []
+    report = progress or (lambda stage, done, total: None)
+    report("scans", 0, len(numbers))
+    for place, number in enumerate(numbers):
+        scan, truth = folder.read(number), folder.truth(number)
+        assert truth is not None
+        targets = ScanTargets(scan, truth.cells, folder.sensor, settings)
+        for detector, tally in zip(detectors, tallies, strict=True):
+            scored = detector.detect(scan)
+            found = tally_scan(
+                targets, scored, detector.score_limits, bands=bands, classes=len(classes)
+            )
+            tally.add(place * blocks // len(numbers), found)
+            if place == shown_place:
+                shown.append((scored.detections, targets.label(scored.detections)))
+        report("scans", place + 1, len(numbers))
+    return DetectionResult(
+        folder=folder.folder.resolve().name,
+        settings=settings,
+        classes=classes,
+        near_m=judged.start * bin_m,
+        far_m=judged.stop * bin_m,
+        scans=len(numbers),
+        shown_number=numbers[shown_place],
+        shown_scan=folder.read(numbers[shown_place]),
+        methods=tuple(
+            JudgedMethod(
+                name=detector.name,
+                score_name=detector.score_name,
+                score_limits=detector.score_limits,
+                blocks=tally,
+                shown=detections,
+                shown_labels=labels,
+            )
+            for detector, tally, (detections, labels) in zip(detectors, tallies, shown, strict=True)
+        ),
+    )
+
+
+def _classes(folder: ScanFolder) -> tuple[str, ...]:
+    """Return the names of the classes by number; refuse a folder without truth."""
+    if not folder.simulated:
+        raise DatasetError(
+            f"{folder.folder}: has no truth; detections are judged by the truth of simulated scans only"
+        )
+    return tuple(read_manifest(folder.folder)["classes"])
