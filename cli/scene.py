@@ -95,18 +95,22 @@ def _summary(options: Options, numbers: "Inventory") -> Table:
 
 
 def _classes(numbers: "Inventory") -> Table:
-    table = Table("class", "objects", "triangles", box=None, padding=(0, 2, 0, 0))
-    for column in table.columns[1:]:
-        column.justify = "right"
+    table = _figures("class", "objects", "triangles")
     for name, count in numbers.classes.items():
         table.add_row(name, f"{count.objects:,}", f"{count.triangles:,}")
     return table
 
 
 def _materials(numbers: "Inventory") -> Table:
-    table = Table("material", "area in m2", "triangles", box=None, padding=(0, 2, 0, 0))
-    for column in table.columns[1:]:
-        column.justify = "right"
+    table = _figures("material", "area in m2", "triangles")
     for name, count in numbers.materials.items():
         table.add_row(name, f"{count.area_m2:,.1f}", f"{count.triangles:,}")
+    return table
+
+
+def _figures(name: str, *figures: str) -> Table:
+    """Return an empty table with a column of names and columns of figures."""
+    table = Table(name, box=None, padding=(0, 2, 0, 0))
+    for figure in figures:
+        table.add_column(figure, justify="right")
     return table

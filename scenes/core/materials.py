@@ -5,7 +5,7 @@ Relative permittivity eps' = a f^b and conductivity c f^d [S/m] with f in GHz: I
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 
@@ -73,25 +73,53 @@ _P3 = "ITU-R P.2040-3, Table 3"
 _P4 = "ITU-R P.2040-4, Table 3"
 _TEXTURE = ": nu calibrated (land clutter at mm waves is compound Gaussian: Kulemin, Proc. SPIE 5077, 2003)"
 
+_CONCRETE = Material(
+    name="concrete",
+    a=5.24,
+    b=0.0,
+    c=0.0462,
+    d=0.7822,
+    band_ghz=(1.0, 100.0),
+    source=_P3,
+    rms_height_m=0.0003,
+    scattering=0.5,
+    rms_slope_rad=0.02,
+    roughness_source=(
+        "cast and rendered facades: rms 0.2-0.5 mm; waviness of a few mm over a metre; calibrated"
+    ),
+)
+_WOOD = Material(
+    name="wood",
+    a=1.99,
+    b=0.0,
+    c=0.0047,
+    d=1.0718,
+    band_ghz=(0.001, 100.0),
+    source=_P3,
+    rms_height_m=0.0005,
+    scattering=0.5,
+    rms_slope_rad=0.02,
+    roughness_source="sawn timber, fences and doors; calibrated",
+)
+_METAL = Material(
+    name="metal",
+    a=1.0,
+    b=0.0,
+    c=10000000.0,
+    d=0.0,
+    band_ghz=(1.0, 100.0),
+    source=_P3,
+    rms_height_m=5e-05,
+    scattering=0.15,
+    rms_slope_rad=0.03,
+    roughness_source="painted sheet: smooth, pressed in shallow curves; calibrated",
+)
+
 
 MATERIALS: dict[str, Material] = {
     row.name: row
     for row in (
-        Material(
-            name="concrete",
-            a=5.24,
-            b=0.0,
-            c=0.0462,
-            d=0.7822,
-            band_ghz=(1.0, 100.0),
-            source=_P3,
-            rms_height_m=0.0003,
-            scattering=0.5,
-            rms_slope_rad=0.02,
-            roughness_source=(
-                "cast and rendered facades: rms 0.2-0.5 mm; waviness of a few mm over a metre; calibrated"
-            ),
-        ),
+        _CONCRETE,
         Material(
             name="brick",
             a=3.91,
@@ -120,19 +148,7 @@ MATERIALS: dict[str, Material] = {
             rms_slope_rad=0.018,
             roughness_source="smooth board; calibrated",
         ),
-        Material(
-            name="wood",
-            a=1.99,
-            b=0.0,
-            c=0.0047,
-            d=1.0718,
-            band_ghz=(0.001, 100.0),
-            source=_P3,
-            rms_height_m=0.0005,
-            scattering=0.5,
-            rms_slope_rad=0.02,
-            roughness_source="sawn timber, fences and doors; calibrated",
-        ),
+        _WOOD,
         Material(
             name="glass",
             a=6.31,
@@ -146,19 +162,7 @@ MATERIALS: dict[str, Material] = {
             rms_slope_rad=0.003,
             roughness_source="float glass is optically smooth; panes lean by tenths of a degree; calibrated",
         ),
-        Material(
-            name="metal",
-            a=1.0,
-            b=0.0,
-            c=10000000.0,
-            d=0.0,
-            band_ghz=(1.0, 100.0),
-            source=_P3,
-            rms_height_m=5e-05,
-            scattering=0.15,
-            rms_slope_rad=0.03,
-            roughness_source="painted sheet: smooth, pressed in shallow curves; calibrated",
-        ),
+        _METAL,
         Material(
             name="asphalt",
             a=4.83,
@@ -176,14 +180,9 @@ MATERIALS: dict[str, Material] = {
             ),
             texture_shape=3.0,
         ),
-        Material(
+        replace(
+            _CONCRETE,
             name="paving",
-            a=5.24,
-            b=0.0,
-            c=0.0462,
-            d=0.7822,
-            band_ghz=(1.0, 100.0),
-            source=_P3,
             rms_height_m=0.0003,
             scattering=0.27,
             rms_slope_rad=0.012,
@@ -208,14 +207,9 @@ MATERIALS: dict[str, Material] = {
             ),
             texture_shape=4.0,
         ),
-        Material(
+        replace(
+            _WOOD,
             name="foliage",
-            a=1.99,
-            b=0.0,
-            c=0.0047,
-            d=1.0718,
-            band_ghz=(0.001, 100.0),
-            source=_P3,
             rms_height_m=0.002,
             scattering=0.9,
             rms_slope_rad=0.3,
@@ -254,14 +248,9 @@ MATERIALS: dict[str, Material] = {
                 "calibrated"
             ),
         ),
-        Material(
+        replace(
+            _METAL,
             name="fittings",
-            a=1.0,
-            b=0.0,
-            c=10000000.0,
-            d=0.0,
-            band_ghz=(1.0, 100.0),
-            source=_P3,
             rms_height_m=0.0002,
             scattering=0.6,
             rms_slope_rad=0.2,

@@ -13,7 +13,7 @@ from echoscape.scenes.roads.ground_mesh import Ground, polygons
 from echoscape.scenes.roads.street_network import Network
 from echoscape.scenes.town.building_pool import BuildingPool
 from echoscape.scenes.town.gardens import enclose_front, enclose_gardens, plant_garden
-from echoscape.scenes.town.open_spaces import lay_car_park, lay_park, lay_square, lay_yard
+from echoscape.scenes.town.open_spaces import lay_car_park, lay_open_space, lay_yard
 from echoscape.scenes.town.parcels import CityBlock, build_along, frontages
 from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
 from echoscape.scenes.town.presets import PARCEL_RULES, Preset, Use
@@ -62,7 +62,8 @@ def fill_blocks(
             block = CityBlock(
                 outline=blocks[number], occupied=occupied, base_m=preset.kerb_height_m, inradius_m=reach
             )
-            _fill(builder, block, uses[number], ground, avenues, pool, preset, rng)
+            if not lay_open_space(builder, block, uses[number], parked=preset.parked, rng=rng):
+                _build_up(builder, block, uses[number], ground, avenues, pool, rng)
     return uses
 
 
@@ -101,29 +102,6 @@ def _uses(
         for number in nearest(low, high):
             uses[number] = use
     return uses
-
-
-def _fill(
-    builder: SceneBuilder,
-    block: CityBlock,
-    use: Use,
-    ground: Ground,
-    avenues: BaseGeometry,
-    pool: BuildingPool,
-    preset: Preset,
-    rng: np.random.Generator,
-) -> None:
-    """Build on one block."""
-    if use == "park":
-        lay_park(builder, block, rng=rng)
-    elif use == "square":
-        lay_square(builder, block, rng=rng)
-    elif use == "car_park":
-        lay_car_park(builder, block, filled_share=0.8 * preset.parked, rng=rng)
-    elif use == "yard":
-        lay_yard(builder, block, rng=rng)
-    else:
-        _build_up(builder, block, use, ground, avenues, pool, rng)
 
 
 def _build_up(

@@ -9,10 +9,39 @@ from echoscape.scenes.geometry.curves import Line, arc_length, headings, points_
 from echoscape.scenes.town.gardens import add_boundary, park_vehicle
 from echoscape.scenes.town.parcels import CityBlock
 from echoscape.scenes.town.placement import SceneBuilder, rectangle
+from echoscape.scenes.town.presets import Use
 
 CARS: tuple[str, ...] = ("car_hatchback", "car_saloon", "car_estate", "car_suv", "van_small")
 _MOST_CARS = 35
 PARK_TREES: tuple[str, ...] = ("tree_broadleaf", "tree_tall", "tree_spreading", "tree_conifer", "tree_shrub")
+
+
+def lay_open_space(
+    builder: SceneBuilder, block: CityBlock, use: Use, *, parked: float, rng: np.random.Generator
+) -> bool:
+    """Fill a block whose use needs no rows of buildings.
+
+    Args:
+        builder: The scene.
+        block: The city block.
+        use: Its use.
+        parked: Share of parking spaces along streets that is taken; car parks have 80 % of it [0 to 1].
+        rng: Random generator.
+
+    Returns:
+        Whether the use is such a one.
+    """
+    if use == "park":
+        lay_park(builder, block, rng=rng)
+    elif use == "square":
+        lay_square(builder, block, rng=rng)
+    elif use == "car_park":
+        lay_car_park(builder, block, filled_share=0.8 * parked, rng=rng)
+    elif use == "yard":
+        lay_yard(builder, block, rng=rng)
+    else:
+        return False
+    return True
 
 
 def lay_park(builder: SceneBuilder, block: CityBlock, *, rng: np.random.Generator) -> None:

@@ -23,7 +23,7 @@ from echoscape.scenes.geometry.curves import (
 from echoscape.scenes.roads.ground_mesh import Ground, polygons
 from echoscape.scenes.roads.street_network import Network, StreetType
 from echoscape.scenes.town.building_pool import BOUNDARY_M, BuildingPool, ReadyBuilding
-from echoscape.scenes.town.open_spaces import CARS, PARK_TREES, lay_car_park, lay_park, lay_square, lay_yard
+from echoscape.scenes.town.open_spaces import CARS, PARK_TREES, lay_open_space, lay_yard
 from echoscape.scenes.town.parcels import CityBlock, frontages
 from echoscape.scenes.town.placement import OccupiedArea, SceneBuilder
 from echoscape.scenes.town.presets import PARCEL_RULES, ParcelRule, Preset, Use
@@ -77,12 +77,14 @@ def fill_outskirts(
     names: list[Use] = [use for use, _ in preset.uses]
     weights = np.array([weight for _, weight in preset.uses])
     shapely.prepare(ground.carriageway)
-    for block, child in zip(blocks, seeds.spawn(len(blocks)), strict=True):
+    for outline, child in zip(blocks, seeds.spawn(len(blocks)), strict=True):
         rng = np.random.default_rng(child)
         use = names[int(rng.choice(len(names), p=weights / weights.sum()))]
-        if block.interiors:  # the land behind the last streets
+        if outline.interiors:  # the land behind the last streets
             use = names[0]
-        _fill(builder, occupied, block, use, ground, pool, preset, rng)
+        block = CityBlock(outline=outline, occupied=occupied, base_m=preset.kerb_height_m, inradius_m=0.0)
+        if not lay_open_space(builder, block, use, parked=preset.parked, rng=rng):
+            _build_up(builder, block, use, ground, pool, rng)
     rng = np.random.default_rng(seeds.spawn(1)[0])
     for street in network.outskirts:
         length = arc_length(street.line)[-1]
@@ -90,30 +92,6 @@ def fill_outskirts(
             line = section(street.line, _MOUTH_M, length - _MOUTH_M)
             for side in (line, line[::-1]):
                 _dress(builder, side, street.type, ground, preset, rng)
-
-
-def _fill(
-    builder: SceneBuilder,
-    occupied: OccupiedArea,
-    outline: Polygon,
-    use: Use,
-    ground: Ground,
-    pool: BuildingPool,
-    preset: Preset,
-    rng: np.random.Generator,
-) -> None:
-    """Build on one block."""
-    block = CityBlock(outline=outline, occupied=occupied, base_m=preset.kerb_height_m, inradius_m=0.0)
-    if use == "park":
-        lay_park(builder, block, rng=rng)
-    elif use == "square":
-        lay_square(builder, block, rng=rng)
-    elif use == "car_park":
-        lay_car_park(builder, block, filled_share=0.8 * preset.parked, rng=rng)
-    elif use == "yard":
-        lay_yard(builder, block, rng=rng)
-    else:
-        _build_up(builder, block, use, ground, pool, rng)
 
 
 def _build_up(

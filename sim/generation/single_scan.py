@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.generation.config import DEFAULT_PRESET, SimulationConfig
-from echoscape.sim.generation.setup import add_traffic, build_scene
+from echoscape.sim.generation.setup import SceneSetup, add_traffic, build_scene
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.sensor import Sensor
 from echoscape.sim.settings.artefacts import Artefacts
@@ -64,7 +64,19 @@ def build_simulator(config: SimulationConfig) -> Simulator:
     Raises:
         SceneError: A custom scene is broken, or its drive too short or obstructed.
     """
-    setup = add_traffic(build_scene(config), config)
+    return simulator_of(add_traffic(build_scene(config), config), config)
+
+
+def simulator_of(setup: SceneSetup, config: SimulationConfig) -> Simulator:
+    """Load a world that is built into the ray tracer.
+
+    Args:
+        setup: Scene, drive and traffic.
+        config: The configuration from which they were built.
+
+    Returns:
+        The simulator of its scans.
+    """
     return Simulator(
         setup.scene,
         setup.drive,

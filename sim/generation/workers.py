@@ -130,25 +130,16 @@ class ScanWriter:
             setup: Scene, drive and traffic.
             threads: Threads of Dr.Jit in this process; None leaves their number as it is.
         """
+        from echoscape.sim.generation.single_scan import simulator_of
         from echoscape.sim.numerics.malloc import keep_freed_memory
         from echoscape.sim.raytracing.mitsuba_backend import set_threads
-        from echoscape.sim.simulator import Simulator
 
         keep_freed_memory()
 
         if threads is not None:
             set_threads(threads)
         self._out, self._config = out, config
-        self._simulator = Simulator(
-            setup.scene,
-            setup.drive,
-            setup.movers,
-            seed=config.seed,
-            sensor=config.sensor,
-            settings=config.trace,
-            artefacts=config.artefacts,
-            surfaces=config.surfaces,
-        )
+        self._simulator = simulator_of(setup, config)
 
     def simulated(self, index: int) -> PolarScan | None:
         """Simulate a scan.

@@ -19,8 +19,6 @@ from echoscape.scenes.core.scene import Mesh
 
 Style = Literal["terrace", "house", "block", "hall", "tower"]
 STYLES: tuple[Style, ...] = ("terrace", "house", "block", "hall", "tower")
-MAX_OVERHANG_M = 1.6
-"""Largest distance that any part reaches beyond the footprint [m]."""
 
 
 def building(

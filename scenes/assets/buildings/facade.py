@@ -310,8 +310,9 @@ def ribs(
     s = np.r_[(left_m + pitch * np.arange(count)[:, None] + knots).ravel(), right_m]
     d = np.r_[np.tile([0.0, 0.0, depth_m, depth_m, 0.0], count), 0.0]
     low, high = np.full(len(s) - 1, low_m), np.full(len(s) - 1, high_m)
-    corners = np.array([s[:-1], low, d[:-1], s[1:], low, d[1:], s[1:], high, d[1:], s[:-1], high, d[:-1]])
-    return corners.reshape(4, 3, -1).transpose(2, 0, 1)
+    return _separate_quads(
+        (s[:-1], low, d[:-1]), (s[1:], low, d[1:]), (s[1:], high, d[1:]), (s[:-1], high, d[:-1])
+    )
 
 
 def slats(
@@ -334,8 +335,7 @@ def slats(
     z = np.linspace(low_m, high_m, 2 * count + 1)
     d = out_m + np.where(np.arange(len(z)) % 2, 0.04, 0.0)
     s0, s1 = np.full(2 * count, left_m), np.full(2 * count, right_m)
-    corners = np.array([s0, z[:-1], d[:-1], s1, z[:-1], d[:-1], s1, z[1:], d[1:], s0, z[1:], d[1:]])
-    return corners.reshape(4, 3, -1).transpose(2, 0, 1)
+    return _separate_quads((s0, z[:-1], d[:-1]), (s1, z[:-1], d[:-1]), (s1, z[1:], d[1:]), (s0, z[1:], d[1:]))
 
 
 def downpipe(place_m: ArrayLike, top_m: float, *, radius_m: float = 0.045) -> Quads:
@@ -355,5 +355,9 @@ def downpipe(place_m: ArrayLike, top_m: float, *, radius_m: float = 0.045) -> Qu
     s0, s1 = (place + across[:-1]).ravel(), (place + across[1:]).ravel()
     d0, d1 = (np.tile(value, len(place)) for value in (out[:-1], out[1:]))
     z0, z1 = np.zeros_like(s0), np.full_like(s0, top_m)
-    corners = np.array([s0, z0, d0, s1, z0, d1, s1, z1, d1, s0, z1, d0])
-    return corners.reshape(4, 3, -1).transpose(2, 0, 1)
+    return _separate_quads((s0, z0, d0), (s1, z0, d1), (s1, z1, d1), (s0, z1, d0))
+
+
+def _separate_quads(*corners: tuple[NDArray[np.float64], ...]) -> Quads:
+    """Return quads (N, 4, 3) from the s, z, d (N,) of each of their four corners."""
+    return np.array(corners).transpose(2, 0, 1)

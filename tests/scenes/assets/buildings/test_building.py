@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from echoscape.scenes.assets.buildings.building import MAX_OVERHANG_M, STYLES, Style, building, top_limit_m
+from echoscape.scenes.assets.buildings.building import STYLES, Style, building, top_limit_m
 from echoscape.scenes.assets.buildings.facade import grid, panes, pierced_wall, ribs
 from echoscape.scenes.assets.buildings.roof import offset_outline, signed_area
 from echoscape.scenes.core.materials import MATERIALS
@@ -12,6 +12,8 @@ from echoscape.scenes.geometry.meshes import areas
 
 RECTANGLE = np.array([[0.0, 0.0], [18.0, 0.0], [18.0, 11.0], [0.0, 11.0]])
 L_SHAPE = np.array([[0, 0], [14, 0], [14, 7], [7, 7], [7, 13], [0, 13.0]])
+OVERHANG_M = 1.6
+"""Largest distance that any part, eaves and balconies included, reaches beyond the footprint [m]."""
 HEIGHT_M: dict[Style, float] = {"terrace": 6.0, "house": 5.6, "block": 15.0, "hall": 8.0, "tower": 40.0}
 
 
@@ -42,7 +44,7 @@ def check(parts: dict[str, Mesh], footprint: np.ndarray, height_m: float) -> Non
         used = part.vertices[np.unique(part.faces)].astype(np.float64)
         assert used[:, 2].min() >= -1e-4
         assert used[:, 2].max() <= top_limit_m(footprint, height_m)
-        assert distance_outside_m(used[:, :2], footprint).max() <= MAX_OVERHANG_M + 1e-3
+        assert distance_outside_m(used[:, :2], footprint).max() <= OVERHANG_M + 1e-3
 
 
 @pytest.mark.parametrize("style", STYLES)
