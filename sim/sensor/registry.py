@@ -23,23 +23,6 @@ _WORDS = tuple(each.name for each in fields(Sensor) if isinstance(getattr(CTS350
 _COUNTS = tuple(each.name for each in fields(Sensor) if isinstance(getattr(CTS350X, each.name), int))
 
 
-def sensor_named(name: str) -> Sensor:
-    """Look up a built-in sensor.
-
-    Args:
-        name: Its name.
-
-    Returns:
-        The sensor.
-
-    Raises:
-        ValueError: There is none of this name.
-    """
-    if name not in SENSORS:
-        raise ValueError(f"a sensor must be one of {', '.join(SENSORS)}, got {name!r}")
-    return SENSORS[name]
-
-
 def sensor_from(word: str) -> Sensor:
     """Look up a built-in sensor, or read a custom one.
 

@@ -33,8 +33,7 @@ def building(
 
     Args:
         footprint: Counter-clockwise polygon (N, 2) [m], convex or mildly concave.
-        height_m: Height of the walls [m]: the eaves of a pitched roof or the deck of a flat one;
-            `top_limit_m` bounds the height of what is above.
+        height_m: Height of the walls [m]: the eaves of a pitched roof or the deck of a flat one.
         style: Style of the building.
         rng: Random generator.
         facades: Whether each edge, from corner i to corner i + 1, has windows (N,); the others are plain
@@ -59,20 +58,6 @@ def building(
     builder = BuildingBuilder(outline=outline, open_edges=open_edges, height_m=height_m, rng=rng)
     _BUILDERS[style](builder)
     return builder.meshes()
-
-
-def top_limit_m(footprint: ArrayLike, height_m: float) -> float:
-    """Return a height that no part of a building exceeds.
-
-    Args:
-        footprint: Footprint of the building (N, 2) [m].
-        height_m: Height of its walls [m].
-
-    Returns:
-        Upper limit of the height [m].
-    """
-    points = np.asarray(footprint, dtype=np.float64)
-    return height_m + max(4.0, 0.6 * float(np.ptp(points, axis=0).max())) + 1.5
 
 
 _BUILDERS: dict[Style, Callable[[BuildingBuilder], None]] = {

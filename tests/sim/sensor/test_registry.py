@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from echoscape.sim.sensor.cts350x import CTS350X
-from echoscape.sim.sensor.registry import SENSORS, read_sensor, sensor_from, sensor_named
+from echoscape.sim.sensor.registry import SENSORS, read_sensor, sensor_from
 from echoscape.sim.sensor.sensor import Sensor
 from tests.paths import ROOT
 
@@ -47,10 +47,11 @@ def test_alternating_sweeps_begin_with_a_falling_one() -> None:
 
 
 def test_sensors_are_found_by_name_and_others_are_refused() -> None:
-    assert sensor_named("cir204") is SENSORS["cir204"]
-    for find in (sensor_named, sensor_from):
-        with pytest.raises(ValueError, match=r"one of cts350x, cir204, cir304, cir304_rt, cts_small.* got 'moon'"):
-            find("moon")
+    assert sensor_from("cir204") is SENSORS["cir204"]
+    with pytest.raises(
+        ValueError, match=r"one of cts350x, cir204, cir304, cir304_rt, cts_small.* got 'moon'"
+    ):
+        sensor_from("moon")
 
 
 def test_fields_of_a_file_replace_those_of_its_base(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from echoscape.scenes.assets.buildings.building import STYLES, Style, building, top_limit_m
+from echoscape.scenes.assets.buildings.building import STYLES, Style, building
 from echoscape.scenes.assets.buildings.facade import grid, panes, pierced_wall, ribs
 from echoscape.scenes.assets.buildings.roof import offset_outline, signed_area
 from echoscape.scenes.core.materials import MATERIALS
@@ -34,6 +34,11 @@ def distance_outside_m(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
         crossing = start[:, 0] + step[:, 0] * (y - start[:, 1]) / step[:, 1]
     inside = (spans & (points[:, :1] < crossing)).sum(axis=1) % 2 == 1
     return np.where(inside, 0.0, distance)
+
+
+def top_limit_m(footprint: np.ndarray, height_m: float) -> float:
+    """Height above which no part of a building reaches [m]: roofs and what stands on them."""
+    return height_m + max(4.0, 0.6 * float(np.ptp(footprint, axis=0).max())) + 1.5
 
 
 def check(parts: dict[str, Mesh], footprint: np.ndarray, height_m: float) -> None:
