@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -138,19 +138,27 @@ def _threads(options: Options) -> int:
 
 
 def _data(options: Options, bars: ProgressBars) -> "TrainingData":
-    from echoscape.learn.data.scan_pairs import PairDataset
+    from echoscape.learn.data.scan_pairs import TRAINING_STRIDES, ScanPairs
     from echoscape.learn.training.trainer import TrainingData
 
-    training = PairDataset(options.data, options.image, cache=options.cache, progress=bars.report)
+    def pairs(folders: Sequence[Path]) -> ScanPairs:
+        return ScanPairs(
+            folders,
+            **asdict(options.image),
+            stride=TRAINING_STRIDES,
+            codes=False,
+            labels=False,
+            cache=options.cache or True,
+            progress=bars.report,
+        )
+
+    training = pairs(options.data)
     if not options.validate:
         return TrainingData(training=training)
     trained_on = {folder.resolve() for folder in options.data}
     if both := [str(folder) for folder in options.validate if folder.resolve() in trained_on]:
         raise ValueError(f"validate must be other folders than data, got {', '.join(both)} in both")
-    return TrainingData(
-        training=training,
-        validation=PairDataset(options.validate, options.image, cache=options.cache, progress=bars.report),
-    )
+    return TrainingData(training=training, validation=pairs(options.validate))
 
 
 def _report(bars: ProgressBars, steps: int, entry: dict[str, Any]) -> None:

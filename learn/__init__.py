@@ -6,6 +6,8 @@ Public names are imported on first use; most need PyTorch (`pip install "echosca
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from echoscape.learn.data.scan_folder import ScanFolder as ScanFolder
+    from echoscape.learn.data.scan_pairs import ScanPairs as ScanPairs
     from echoscape.learn.model.keypoint_model import KeypointModel as KeypointModel
     from echoscape.learn.model.weights import load_weights as load_weights
     from echoscape.learn.odometry.keyframe_odometry import KeyframeOdometry as KeyframeOdometry
@@ -19,6 +21,8 @@ else:
     __getattr__, __dir__, __all__ = attach(
         __name__,
         submod_attrs={
+            "data.scan_folder": ["ScanFolder"],
+            "data.scan_pairs": ["ScanPairs"],
             "model.keypoint_model": ["KeypointModel"],
             "model.weights": ["load_weights"],
             "odometry.keyframe_odometry": ["KeyframeOdometry"],

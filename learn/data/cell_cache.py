@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from echoscape.learn.data.image import range_cells
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.sim.datasets.files.atomic_write import DatasetError, temporary_beside
+from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import ScanFolder
 
 _FORMAT = 1
@@ -24,15 +25,32 @@ Progress = Callable[[str, int, int], None]
 """Called with what is prepared, how many scans are done, and how many there are."""
 
 
+def range_cells_of(scan: PolarScan, folder: ScanFolder, image: ImageSettings) -> NDArray[np.uint8]:
+    """Average a scan over range cells.
+
+    Args:
+        scan: The scan.
+        folder: The folder that it is from, which knows the offset of its ranges.
+        image: How scans become images.
+
+    Returns:
+        Mean codes (azimuths, cells) uint8.
+
+    Raises:
+        ValueError: The scan has no azimuths or bins.
+    """
+    return range_cells(scan.codes, scan.bin_m, image, range_offset_m=folder.range_offset_m)
+
+
 def cached_range_cells(
-    folder: ScanFolder, image: ImageSettings, *, cache: Path | None = None, progress: Progress | None = None
+    folder: ScanFolder, image: ImageSettings, *, cache: Path, progress: Progress | None = None
 ) -> NDArray[np.uint8]:
     """Return the range cells of a folder's scans, computed once and then mapped from the cache.
 
     Args:
         folder: The scans.
         image: How scans become images.
-        cache: Folder of the cache; by default `cache` in the folder of the scans.
+        cache: Folder of the cache, made where it is absent.
         progress: Called after each scan that is computed.
 
     Returns:
@@ -42,7 +60,7 @@ def cached_range_cells(
         DatasetError: A scan cannot be read, or the cache is damaged.
         OSError: The cache cannot be written.
     """
-    path = (folder.folder / "cache" if cache is None else cache) / f"cells_{_fingerprint(folder, image)}.npy"
+    path = cache / f"cells_{_fingerprint(folder, image)}.npy"
     shape = (len(folder), folder.sensor.azimuths, image.cells)
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +78,7 @@ def _write(
     try:
         cells = open_memmap(temporary, mode="w+", dtype=np.uint8, shape=shape)
         for index, scan in enumerate(folder):
-            cells[index] = range_cells(scan.codes, scan.bin_m, image, range_offset_m=folder.range_offset_m)
+            cells[index] = range_cells_of(scan, folder, image)
             if progress is not None:
                 progress(f"cells of {folder.folder.name}", index + 1, len(folder))
         cells.flush()

@@ -1,144 +1,160 @@
-"""Training pairs from folders of scans with poses: two scans of a drive 1 to 8 apart, in either order.
+"""Pairs of scans of a drive with their true motions: a map-style torch Dataset, from which training draws.
 
 Source: Barnes & Posner 2020, section IV, train on successive scans; mapping and loop closure need wider gaps
 and both orders. A draw depends on the given generator alone, so that a run can be resumed anywhere.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from functools import cached_property
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import SupportsIndex
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
-from torch import Tensor
+from torch.utils.data import Dataset
 
 from echoscape.learn.data.augmentation import (
     AugmentationConfig,
-    PairAugmentation,
     augmented_motion,
     draw_augmentation,
 )
-from echoscape.learn.data.cell_cache import Progress, cached_range_cells
-from echoscape.learn.data.ground_truth import EgoMotion, GroundTruth, ego_motion, scan_distortions
-from echoscape.learn.data.image import Projector
+from echoscape.learn.data.cell_cache import Progress
+from echoscape.learn.data.ground_truth import EgoMotion, GroundTruth, scan_distortions
 from echoscape.learn.data.image_settings import ImageSettings
-from echoscape.learn.geometry.procrustes import Motion
+from echoscape.learn.data.pair_batch import Batch, Pair
+from echoscape.learn.data.scan_folder import Item, ScanFolder, has_truth, whole_index
 from echoscape.learn.geometry.se2 import to_motion
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.scan_folder import open_folder
-from echoscape.sim.datasets.se2 import relative_from_world
+from echoscape.sim.datasets.se2 import SE2, relative_from_world
 
-MAX_GAP = 8
-"""Most scans from one scan of a pair to the other."""
-
-_Tensors = TypeVar("_Tensors")
+TRAINING_STRIDES = range(1, 9)
+"""Scans from one scan of a pair to the other, in `echoscape train`."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pair:
-    """Two scans of a drive.
+class ScanPairs(Dataset[Item]):
+    """Pairs of scans of one or several folders, `stride` apart.
 
-    Attributes:
-        drive: Number of the drive.
-        source: Number of the scan whose keypoints are searched for.
-        destination: Number of the scan in which they are.
-        augmentation: How their images are rotated and shifted.
-    """
+    The item of a pair has the entries
 
-    drive: int
-    source: int
-    destination: int
-    augmentation: PairAugmentation = field(default_factory=PairAugmentation)
+    - `source` and `destination`: the later and the earlier scan, with the entries that `ScanFolder` lists;
+    - `motion`: (3,) float32, the pose of the source in the frame of the destination at mid-scan: x forward,
+      y right [m], heading clockwise [rad], as in gt/radar_odometry.csv;
+    - `drive`: () int64, the number of the folder.
 
-
-@dataclass(frozen=True, kw_only=True)
-class Batch:
-    """B pairs as tensors.
+    Pairs are in the order of the folders, of the strides and of time. Scans without a pose are in no pair.
 
     Attributes:
-        source: Images of the sources (B, 1, H, H) float32.
-        destination: Images of the destinations (B, 1, H, H) float32.
-        truth: True motions and distortions.
+        drives: The scans of each folder.
+        names: Names of the folders.
+        candidates: The pairs of each drive as numbers of scans, the earlier first, by stride.
+        pairs: The pairs, as `len` and indexes count them.
     """
-
-    source: Tensor
-    destination: Tensor
-    truth: GroundTruth
-
-    @property
-    def motion(self) -> Motion:
-        """The true motions T_destination_source between the images."""
-        return self.truth.motion
-
-    def to(self, device: torch.device) -> "Batch":
-        """Copy the batch to a device.
-
-        Args:
-            device: Where its tensors shall be.
-
-        Returns:
-            The batch there; itself where it is there already.
-        """
-        return _moved_to(self, device)
-
-
-@dataclass(frozen=True)
-class Drive:
-    """The N scans of a folder.
-
-    Attributes:
-        cells: Codes averaged over range cells (N, azimuths, cells) uint8.
-        poses: World poses (N, 4): x, y, z [m], yaw [rad]; NaN where one is unknown.
-        motion: How the car moved.
-        projector: Makes images of the cells.
-        first_rad: Direction of the first azimuth of the scans, clockwise from ahead [rad].
-    """
-
-    cells: NDArray[np.uint8]
-    poses: NDArray[np.float64]
-    motion: EgoMotion
-    projector: Projector
-    first_rad: float
-
-    @cached_property
-    def candidates(self) -> list[tuple[int, int]]:
-        """Pairs of scans at most `MAX_GAP` apart that both have poses, as numbers, the earlier first."""
-        known = [bool(np.isfinite(pose).all()) for pose in self.poses]
-        count = len(self.poses)
-        gaps = range(1, MAX_GAP + 1)
-        return [(i, i + gap) for gap in gaps for i in range(count - gap) if known[i] and known[i + gap]]
-
-
-class PairDataset:
-    """Pairs of images with their true motions, from folders of scans."""
 
     def __init__(
         self,
-        folders: Sequence[Path],
-        image: ImageSettings,
+        folders: Path | str | Sequence[Path | str],
         *,
-        cache: Path | None = None,
+        pixel_m: float = ImageSettings.pixel_m,
+        size: int = ImageSettings.size,
+        near_m: float = ImageSettings.near_m,
+        stride: int | Collection[int] = 1,
+        codes: bool = True,
+        labels: bool | None = None,
+        cache: Path | str | bool = False,
         progress: Progress | None = None,
     ) -> None:
-        """Open the folders and prepare the range cells that are not cached yet.
+        """Open folders.
 
         Args:
-            folders: Folders of scans with poses.
-            image: How scans become images.
-            cache: Folder of the cache; by default `cache` in each folder.
-            progress: Called after each scan that is prepared.
+            folders: A folder of scans with poses, or several.
+            pixel_m: Width of a pixel of the images [m].
+            size: Pixels a side of the images, even.
+            near_m: Range below which images are empty [m].
+            stride: Scans from the earlier scan of a pair to the later one, or several such numbers.
+            codes: Whether items have codes.
+            labels: Whether items have labels; None gives them where all folders have truth.
+            cache: Where to keep the scans averaged over range, see `ScanFolder`.
+            progress: Called after each scan that is prepared for the cache.
 
         Raises:
-            DatasetError: A folder has no scans, no poses, or no two scans with poses that are near enough;
-                the message names it.
+            DatasetError: A folder has no scans, no poses, no two scans with poses so far apart, or no truth
+                although labels are asked for; or codes or labels are asked for and the radars of the folders
+                differ. The message names the folder.
+            ValueError: The stride is below 1, or a setting of the images is out of range.
         """
-        if not folders:
+        paths = [folders] if isinstance(folders, Path | str) else list(folders)
+        if not paths:
             raise DatasetError("data must name one folder or more")
-        self.names = [Path(folder).resolve().name for folder in folders]
-        self.drives = [_drive(Path(folder), image, cache, progress) for folder in folders]
+        strides = _strides(stride)
+        opened = [open_folder(path) for path in paths]
+        self.drives = [
+            ScanFolder(
+                scans,
+                pixel_m=pixel_m,
+                size=size,
+                near_m=near_m,
+                codes=codes,
+                labels=all(map(has_truth, opened)) if labels is None else labels,
+                cache=cache,
+                progress=progress,
+            )
+            for scans in opened
+        ]
+        _check_alike(self.drives)
+        self.names = [drive.scans.folder.resolve().name for drive in self.drives]
+        self.candidates = [_candidates(drive, strides) for drive in self.drives]
+        self.pairs = [
+            Pair(drive=drive, source=later, destination=earlier)
+            for drive, candidates in enumerate(self.candidates)
+            for earlier, later in candidates
+        ]
+
+    @property
+    def settings(self) -> ImageSettings:
+        """How scans become images."""
+        return self.drives[0].settings
+
+    def __len__(self) -> int:
+        """Return the number of pairs."""
+        return len(self.pairs)
+
+    def __getitem__(self, index: SupportsIndex) -> Item:
+        """Return a pair.
+
+        Args:
+            index: Its number; negative ones count from the end.
+
+        Returns:
+            Its entries, as the class lists them.
+
+        Raises:
+            IndexError: There is no such pair.
+            TypeError: The index is no integer.
+            DatasetError: A file of a scan is absent or damaged; the message names it.
+        """
+        pair = self.pairs[whole_index(index, len(self))]
+        drive, motion = self.drives[pair.drive], self.motion(pair)
+        return {
+            "source": drive[pair.source],
+            "destination": drive[pair.destination],
+            "motion": torch.tensor([motion.x_m, motion.y_m, motion.yaw_rad], dtype=torch.float32),
+            "drive": torch.tensor(pair.drive),
+        }
+
+    def motion(self, pair: Pair) -> SE2:
+        """Compute the true motion of a pair.
+
+        Args:
+            pair: The pair.
+
+        Returns:
+            T_destination_source between the images as they are shown, at mid-scan.
+        """
+        poses = self.drives[pair.drive].poses
+        assert poses is not None  # or the folder would have been refused
+        return augmented_motion(
+            relative_from_world(poses[pair.destination], poses[pair.source]), pair.augmentation
+        )
 
     def draw(
         self,
@@ -159,9 +175,9 @@ class PairDataset:
         Returns:
             The pair.
         """
-        lengths = np.array([len(drive.cells) for drive in self.drives], float)
+        lengths = np.array([len(drive) for drive in self.drives], float)
         drive = int(rng.choice(len(self.drives), p=lengths / lengths.sum()))
-        candidates = self.drives[drive].candidates
+        candidates = self.candidates[drive]
         gaps = sorted({later - earlier for earlier, later in candidates})
         weights = np.array(gaps, float) ** -gap_power
         gap = gaps[int(rng.choice(len(gaps), p=weights / weights.sum()))]
@@ -181,62 +197,76 @@ class PairDataset:
         Returns:
             The batch, on the CPU.
         """
-        sources, destinations, motions = [], [], []
-        for pair in pairs:
-            drive, augmentation = self.drives[pair.drive], pair.augmentation
-            project = drive.projector.image
-            sources.append(
-                project(
-                    drive.cells[pair.source],
-                    first_rad=drive.first_rad,
-                    turn_rad=augmentation.source_rotation_rad,
-                    shift_m=augmentation.source_shift_m,
-                )
+        drives = [self.drives[pair.drive] for pair in pairs]
+        sources = [
+            drive.image(
+                pair.source,
+                turn_rad=pair.augmentation.source_rotation_rad,
+                shift_m=pair.augmentation.source_shift_m,
             )
-            destinations.append(
-                project(
-                    drive.cells[pair.destination],
-                    first_rad=drive.first_rad,
-                    turn_rad=augmentation.destination_rotation_rad,
-                )
-            )
-            motion = relative_from_world(drive.poses[pair.destination], drive.poses[pair.source])
-            motions.append(augmented_motion(motion, augmentation))
+            for drive, pair in zip(drives, pairs, strict=True)
+        ]
+        destinations = [
+            drive.image(pair.destination, turn_rad=pair.augmentation.destination_rotation_rad)
+            for drive, pair in zip(drives, pairs, strict=True)
+        ]
         return Batch(
             source=torch.stack(sources),
             destination=torch.stack(destinations),
             truth=GroundTruth(
-                motion=to_motion(motions),
+                motion=to_motion([self.motion(pair) for pair in pairs]),
                 source=scan_distortions(
-                    [(self.drives[pair.drive].motion, pair.source) for pair in pairs],
+                    [(self._ego_motion(pair), pair.source) for pair in pairs],
                     to_motion([pair.augmentation.source_in_image for pair in pairs]),
                 ),
                 destination=scan_distortions(
-                    [(self.drives[pair.drive].motion, pair.destination) for pair in pairs],
+                    [(self._ego_motion(pair), pair.destination) for pair in pairs],
                     to_motion([pair.augmentation.destination_in_image for pair in pairs]),
                 ),
             ),
         )
 
-
-def _drive(folder: Path, image: ImageSettings, cache: Path | None, progress: Progress | None) -> Drive:
-    scans = open_folder(folder)
-    poses = scans.poses()
-    if poses is None:
-        raise DatasetError(f"{folder}: has no poses, which training needs")
-    projector = Projector(image, scans.sensor.azimuths)
-    cells = cached_range_cells(scans, image, cache=cache, progress=progress)
-    drive = Drive(cells, poses, ego_motion(scans, poses), projector, scans.sensor.first_azimuth_rad)
-    if not drive.candidates:
-        raise DatasetError(f"{folder}: has no two scans with poses within {MAX_GAP} of each other")
-    return drive
+    def _ego_motion(self, pair: Pair) -> EgoMotion:
+        motion = self.drives[pair.drive].motion
+        assert motion is not None  # or the folder would have been refused
+        return motion
 
 
-def _moved_to(value: _Tensors, device: torch.device) -> _Tensors:
-    """Return a tensor, or a dataclass of tensors and dataclasses, on a device."""
-    if isinstance(value, Tensor):
-        return cast("_Tensors", value.to(device))
-    if is_dataclass(value) and not isinstance(value, type):
-        parts = {each.name: _moved_to(getattr(value, each.name), device) for each in fields(value)}
-        return replace(value, **parts)
-    return value
+def _strides(stride: int | Collection[int]) -> list[int]:
+    """Return the strides in ascending order."""
+    strides = sorted({stride} if isinstance(stride, int) else set(stride))
+    if not strides or strides[0] < 1:
+        raise ValueError(f"stride must be 1 or more, got {stride}")
+    return strides
+
+
+def _candidates(drive: ScanFolder, strides: Sequence[int]) -> list[tuple[int, int]]:
+    """Return pairs of scans that both have poses, by stride, the earlier first.
+
+    Raises:
+        DatasetError: There are none.
+    """
+    folder, count = drive.scans.folder, len(drive)
+    if drive.poses is None:
+        raise DatasetError(f"{folder}: has no poses, which pairs need")
+    known = [bool(np.isfinite(pose).all()) for pose in drive.poses]
+    found = [(i, i + gap) for gap in strides for i in range(count - gap) if known[i] and known[i + gap]]
+    if not found:
+        apart = strides[0] if len(strides) == 1 else f"{strides[0]} to {strides[-1]}"
+        raise DatasetError(f"{folder}: has no two scans with poses {apart} apart; it has {count} scans")
+    return found
+
+
+def _check_alike(drives: Sequence[ScanFolder]) -> None:
+    """Refuse folders whose codes or labels cannot be stacked.
+
+    Raises:
+        DatasetError: Their radars differ.
+    """
+    shapes = [(drive.scans.sensor.azimuths, drive.scans.sensor.bins) for drive in drives]
+    for drive, shape in zip(drives, shapes, strict=True):
+        if (drive.has_codes or drive.has_labels) and shape != shapes[0]:
+            raise DatasetError(
+                f"{drive.scans.folder}: its scans have {shape[0]} x {shape[1]} cells, those of "
+                f"{drives[0].scans.folder} {shapes[0][0]} x {shapes[0][1]}; leave out codes and labels"
+            )

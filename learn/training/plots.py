@@ -10,7 +10,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from echoscape.learn.data.scan_pairs import Pair, PairDataset
+from echoscape.learn.data.pair_batch import Pair
+from echoscape.learn.data.scan_pairs import ScanPairs
 from echoscape.learn.geometry.procrustes import moved
 from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
 from echoscape.sim.datasets.files.atomic_write import read_text, temporary_beside
@@ -20,7 +21,7 @@ _MATCHES = 150
 _DOT, _LINE = "tab:green", "tab:orange"
 
 
-def draw_training(log: Path, out: Path, model: FastKeypointModel, example: tuple[PairDataset, Pair]) -> None:
+def draw_training(log: Path, out: Path, model: FastKeypointModel, example: tuple[ScanPairs, Pair]) -> None:
     """Draw a training run into a PNG file, whole or not at all.
 
     Args:
@@ -60,7 +61,7 @@ def _draw_curves(axes: Axes, entries: list[dict], name: str, label: str) -> None
 
 
 @torch.no_grad()
-def _draw_matches(axes: Axes, model: FastKeypointModel, pairs: PairDataset, pair: Pair) -> None:
+def _draw_matches(axes: Axes, model: FastKeypointModel, pairs: ScanPairs, pair: Pair) -> None:
     """Draw keypoints of the source, moved by the estimate, and lines from there to their matches."""
     training, device = model.training, next(model.parameters()).device
     batch = pairs.batch([pair]).to(device)

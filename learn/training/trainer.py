@@ -20,7 +20,7 @@ from torch.nn.parallel import DistributedDataParallel
 from torch.nn.utils import clip_grad_norm_
 
 from echoscape.learn.data.ground_truth import GroundTruth
-from echoscape.learn.data.scan_pairs import PairDataset
+from echoscape.learn.data.scan_pairs import ScanPairs
 from echoscape.learn.geometry.matches import Matches
 from echoscape.learn.geometry.procrustes import ROBUST_SCALE_PX, Motion
 from echoscape.learn.model.device import Device, resolve_device
@@ -64,8 +64,8 @@ class TrainingData:
         validation: Pairs to validate on; None for no validation.
     """
 
-    training: PairDataset
-    validation: PairDataset | None = None
+    training: ScanPairs
+    validation: ScanPairs | None = None
 
 
 def train(

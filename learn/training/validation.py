@@ -7,7 +7,8 @@ import numpy as np
 import torch
 
 from echoscape.learn.data.augmentation import AugmentationConfig
-from echoscape.learn.data.scan_pairs import Pair, PairDataset
+from echoscape.learn.data.pair_batch import Pair
+from echoscape.learn.data.scan_pairs import ScanPairs
 from echoscape.learn.geometry.procrustes import ROBUST_SCALE_PX
 from echoscape.learn.model.fast_keypoint_model import FastKeypointModel, Matching
 from echoscape.learn.model.keypoint_model import pose_loss
@@ -35,7 +36,7 @@ class PairErrors:
 
 
 def fixed_pairs(
-    pairs: PairDataset, count: int, *, seed: int, max_rotation_rad: float = 0.0, gap_power: float = 0.0
+    pairs: ScanPairs, count: int, *, seed: int, max_rotation_rad: float = 0.0, gap_power: float = 0.0
 ) -> list[Pair]:
     """Draw the pairs of all validations of a run.
 
@@ -60,7 +61,7 @@ def fixed_pairs(
 @torch.no_grad()
 def pair_errors(
     model: FastKeypointModel,
-    pairs: PairDataset,
+    pairs: ScanPairs,
     chosen: Sequence[Pair],
     matching: Matching,
     dtype: torch.dtype,

@@ -4,10 +4,12 @@ A simulated folder is described by its echoscape.json; a real one is recognised 
 first image and the unit of its time stamps (docs/conventions.md). Images are read one at a time.
 """
 
+import operator
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import SupportsIndex, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,24 +18,26 @@ from echoscape.sim.datasets.beat_signal import BeatSignal
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.beat_npz import read_beat
 from echoscape.sim.datasets.files.metadata import FILE_NAME, read_manifest, sensor_of
-from echoscape.sim.datasets.files.navtech_png import HEADER_COLUMNS, azimuth_ticks, grey_pixels
+from echoscape.sim.datasets.files.navtech_png import grey_pixels
 from echoscape.sim.datasets.files.truth_npz import read_truth
-from echoscape.sim.datasets.layouts.boreas import RT_OFFSET_M, UPDATED_BIN_M, UPDATED_US
+from echoscape.sim.datasets.layouts.boreas import RT_OFFSET_M
 from echoscape.sim.datasets.layouts.layout import Layout
-from echoscape.sim.datasets.layouts.registry import LAYOUTS, layout_named, layout_of
+from echoscape.sim.datasets.layouts.recognition import (
+    is_time,
+    layout_by_image,
+    scans_folder,
+    sensor_by_image,
+)
+from echoscape.sim.datasets.layouts.registry import layout_named, layout_of
 from echoscape.sim.datasets.polar_scan import PolarScan, ScanTruth
 from echoscape.sim.datasets.se2 import from_world, relative
 from echoscape.sim.sensor.registry import SENSORS
 from echoscape.sim.sensor.sensor import Sensor
 
-_YEAR_2100_US = 4_102_444_800_000_000
-_SHORTEST_TIME = 13
-"""Least digits of an image's name that is a time and not a running number."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class ScanFolder:
-    """A folder of scans; `len`, iteration and `read` give them in order of time.
+    """A folder of scans; `len`, iteration, indexes and `read` give them in order of time.
 
     Attributes:
         folder: Folder of the data set.
@@ -58,6 +62,30 @@ class ScanFolder:
     def __iter__(self) -> Iterator[PolarScan]:
         """Read one scan after the other, without truth."""
         return (self.read(index) for index in range(len(self)))
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> PolarScan: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[PolarScan]: ...
+
+    def __getitem__(self, index: SupportsIndex | slice) -> PolarScan | list[PolarScan]:
+        """Read a scan, or those of a slice, without truth.
+
+        Args:
+            index: Number of the scan in order of time, negative ones from the end, or a slice of numbers.
+
+        Returns:
+            The scan, or a list of scans.
+
+        Raises:
+            IndexError: There is no such scan.
+            TypeError: The index is neither an integer nor a slice.
+            DatasetError: A file is cut short or has another width; the message names it.
+        """
+        if isinstance(index, slice):
+            return [self.read(number) for number in range(*index.indices(len(self)))]
+        return self.read(number_of(index, len(self)))
 
     def read(self, index: int) -> PolarScan:
         """Read a scan, without its truth.
@@ -114,7 +142,7 @@ class ScanFolder:
     @cached_property
     def stems(self) -> tuple[str, ...]:
         """Names of the scans in the layout, which are those of their files unless these are no times."""
-        if all(_is_time(path.stem) for path in self.paths):
+        if all(is_time(path.stem) for path in self.paths):
             return tuple(path.stem for path in self.paths)
         return tuple(self.layout.stem(scan.timestamp_us) for scan in self)
 
@@ -153,6 +181,26 @@ class ScanFolder:
         return np.stack([x, y, np.diff(down_m), yaw], axis=-1)
 
 
+def number_of(index: SupportsIndex, count: int) -> int:
+    """Return the number, 0 or more, of one of several scans.
+
+    Args:
+        index: Its index; negative ones count from the end.
+        count: Number of scans.
+
+    Returns:
+        The number.
+
+    Raises:
+        IndexError: There is no such scan.
+        TypeError: The index is no integer.
+    """
+    number = operator.index(index)
+    if not -count <= number < count:
+        raise IndexError(f"index must be between {-count} and {count - 1}, got {number}")
+    return number % count
+
+
 def open_folder(folder: Path | str, *, layout: str | None = None, sensor: Sensor | None = None) -> ScanFolder:
     """Open a folder of scans.
 
@@ -176,13 +224,13 @@ def open_folder(folder: Path | str, *, layout: str | None = None, sensor: Sensor
     if simulated:
         content = read_manifest(folder)
         wanted, sensor = wanted or layout_of(content), sensor or sensor_of(content)
-    found, place = _scans_folder(folder, wanted)
+    found, place = scans_folder(folder, wanted)
     paths = _images(place)
     image = grey_pixels(paths[0])
-    wanted = wanted or found or _layout_by_first(image)
+    wanted = wanted or found or layout_by_image(image)
     offset_m = 0.0
     if sensor is None:
-        sensor = _sensor_by_first(paths[0], image, wanted)
+        sensor = sensor_by_image(paths[0], image, wanted)
         if sensor.bins == SENSORS["cir304_rt"].bins:
             offset_m = RT_OFFSET_M - sensor.bin_m / 2
     return ScanFolder(
@@ -195,84 +243,9 @@ def open_folder(folder: Path | str, *, layout: str | None = None, sensor: Sensor
     )
 
 
-def _scans_folder(folder: Path, wanted: Layout | None) -> tuple[Layout | None, Path]:
-    """Return the folder of the images, and the layout if the names of the folders show it."""
-    candidates = LAYOUTS.values() if wanted is None else (wanted,)
-    for each in candidates:
-        for name in each.scans_folders:
-            if (folder / name).is_dir() and any((folder / name).glob("*.png")):
-                return _by_neighbours(folder, each) if wanted is None else wanted, folder / name
-    return wanted, folder
-
-
-def _by_neighbours(folder: Path, layout: Layout) -> Layout | None:
-    """Return the layout by other files: Oxford and Boreas both keep scans in `radar`."""
-    if "radar" not in layout.scans_folders:
-        return layout
-    if (folder / "applanix").is_dir():
-        return LAYOUTS["boreas"]
-    if (folder / "gt").is_dir() or (folder / "radar.timestamps").is_file():
-        return LAYOUTS["oxford"]
-    return None
-
-
 def _images(place: Path) -> tuple[Path, ...]:
     """Return the images in a folder by number."""
     paths = [path for path in place.glob("*.png") if not path.name.startswith(".")]
     if not paths:
         raise DatasetError(f"{place}: no scans (PNG files)")
     return tuple(sorted(paths, key=lambda path: (len(path.stem), path.stem)))
-
-
-def _is_time(stem: str) -> bool:
-    return stem.isdecimal() and len(stem) >= _SHORTEST_TIME
-
-
-def _layout_by_first(image: NDArray[np.uint8]) -> Layout:
-    """Return the layout by one image: MulRan counts nanoseconds, Oxford is 3768 bins wide."""
-    if azimuth_ticks(image)[0] > _YEAR_2100_US:
-        return LAYOUTS["mulran"]
-    if image.shape[1] == HEADER_COLUMNS + SENSORS["cts350x"].bins:
-        return LAYOUTS["oxford"]
-    return LAYOUTS["boreas"]
-
-
-def _sensor_by_first(path: Path, image: NDArray[np.uint8], layout: Layout) -> Sensor:
-    """Return the sensor that writes images of this size in this layout.
-
-    Raises:
-        DatasetError: There is none; the message names the file.
-    """
-    rows, columns = image.shape
-    for sensor in _CANDIDATES[layout.name]:
-        if (sensor.azimuths, sensor.bins) == (rows, columns - HEADER_COLUMNS):
-            named_us = layout.time_us(path.stem) if _is_time(path.stem) else None
-            return _as_written(sensor, image, named_us)
-    widths = ", ".join(f"{each.azimuths} x {HEADER_COLUMNS + each.bins}" for each in _CANDIDATES[layout.name])
-    raise DatasetError(
-        f"{path}: {rows} rows and {columns} columns are not a scan of the layout {layout.name} "
-        f"({widths}); give its sensor"
-    )
-
-
-_CANDIDATES = {
-    "oxford": (SENSORS["cts350x"],),
-    "mulran": (SENSORS["cir204"],),
-    "boreas": (SENSORS["cir304"], SENSORS["cir304_rt"]),
-}
-
-
-def _as_written(sensor: Sensor, image: NDArray[np.uint8], named_us: int | None) -> Sensor:
-    """Return a sensor as one image shows it: direction of sweeps, encoder, bins after the radar's update.
-
-    Bins go by the time in the image's name, as in pyboreas, or by that of its first azimuth.
-    """
-    mark = image[:, 10] > 0
-    if sensor.chirps == "alternating" and mark.all():
-        sensor = replace(sensor, chirps="rising")
-    taken_us = int(azimuth_ticks(image)[0]) if named_us is None else named_us
-    if sensor.name == "cir304" and taken_us > UPDATED_US:
-        sensor = replace(sensor, bin_m=UPDATED_BIN_M)
-    if sensor.encoder_first != image[0, 8] + 256 * int(image[0, 9]):
-        sensor = replace(sensor, encoder_first=int(image[0, 8]) + 256 * int(image[0, 9]))
-    return sensor

@@ -1,6 +1,7 @@
 """Pairs: motions as in gt/radar_odometry.csv, augmentation, draws that depend on nothing else."""
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ from echoscape.learn.data.augmentation import (
     draw_augmentation,
 )
 from echoscape.learn.data.image_settings import ImageSettings
-from echoscape.learn.data.scan_pairs import Pair, PairDataset
+from echoscape.learn.data.pair_batch import Pair
+from echoscape.learn.data.scan_pairs import TRAINING_STRIDES, ScanPairs
 from echoscape.learn.model.pixel_coords import pixels_of_metres
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.se2 import SE2
@@ -33,8 +35,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def pairs(folder: Path) -> PairDataset:
-    return PairDataset([folder], IMAGE)
+def pairs(folder: Path) -> ScanPairs:
+    return ScanPairs(folder, **asdict(IMAGE), stride=TRAINING_STRIDES)
 
 
 def _seen_from(pose: tuple[float, float, float]) -> np.ndarray:
@@ -61,7 +63,7 @@ def _brightness(image: torch.Tensor, points_m: np.ndarray) -> tuple[float, float
 )
 @pytest.mark.parametrize(("source", "destination"), [(3, 0), (0, 3), (1, 2)])
 def test_the_motion_maps_points_of_the_source_to_those_of_the_destination(
-    pairs: PairDataset, source: int, destination: int, augmentation: PairAugmentation
+    pairs: ScanPairs, source: int, destination: int, augmentation: PairAugmentation
 ) -> None:
     batch = pairs.batch([Pair(drive=0, source=source, destination=destination, augmentation=augmentation)])
     cosine, sine = math.cos(augmentation.source_rotation_rad), math.sin(augmentation.source_rotation_rad)
@@ -75,7 +77,7 @@ def test_the_motion_maps_points_of_the_source_to_those_of_the_destination(
     assert bright > 5 * mean
 
 
-def test_a_later_source_is_ahead_and_a_right_turn_is_positive(pairs: PairDataset) -> None:
+def test_a_later_source_is_ahead_and_a_right_turn_is_positive(pairs: ScanPairs) -> None:
     motion = pairs.batch([Pair(drive=0, source=2, destination=1)]).motion
     x, y, yaw = motion_between(POSES[1], POSES[2])
     assert_allclose(motion.translation_m[0], [x, y], atol=1e-5)
@@ -137,12 +139,14 @@ def test_shifts_are_uniform_up_to_the_largest() -> None:
         AugmentationConfig(max_shift_m=-1.0)
 
 
-def test_distortions_are_those_of_each_scan_at_its_pose_in_the_image(pairs: PairDataset) -> None:
+def test_distortions_are_those_of_each_scan_at_its_pose_in_the_image(pairs: ScanPairs) -> None:
     augmentation = PairAugmentation(
         source_rotation_rad=0.4, destination_rotation_rad=0.9, source_shift_m=(5.0, -8.0)
     )
     truth = pairs.batch([Pair(drive=0, source=3, destination=1, augmentation=augmentation)]).truth
-    velocities = pairs.drives[0].motion.velocities
+    motion = pairs.drives[0].motion
+    assert motion is not None
+    velocities = motion.velocities
     assert truth.source is not None
     assert truth.destination is not None
     assert_allclose(truth.source.twist.velocity_mps[0], velocities[3, :2], rtol=1e-6)
@@ -155,7 +159,7 @@ def test_distortions_are_those_of_each_scan_at_its_pose_in_the_image(pairs: Pair
     assert_allclose(truth.destination.scan_in_image.translation_m[0], [0.0, 0.0])
 
 
-def test_draws_depend_on_the_generator_alone_and_have_both_orders_and_all_gaps(pairs: PairDataset) -> None:
+def test_draws_depend_on_the_generator_alone_and_have_both_orders_and_all_gaps(pairs: ScanPairs) -> None:
     def drawn(seed: int) -> list[Pair]:
         rng = np.random.default_rng(seed)
         return [pairs.draw(AugmentationConfig(), 5, rng=rng) for _ in range(60)]
@@ -169,7 +173,7 @@ def test_draws_depend_on_the_generator_alone_and_have_both_orders_and_all_gaps(p
     ("power", "expected"), [(0.0, [1 / 3, 1 / 3, 1 / 3]), (1.0, [6 / 11, 3 / 11, 2 / 11])]
 )
 def test_gaps_are_drawn_in_proportion_to_their_power(
-    pairs: PairDataset, power: float, expected: list[float]
+    pairs: ScanPairs, power: float, expected: list[float]
 ) -> None:
     rng = np.random.default_rng(3)
     drawn = [pairs.draw(AugmentationConfig(), 5, rng=rng, gap_power=power) for _ in range(3000)]
@@ -178,14 +182,14 @@ def test_gaps_are_drawn_in_proportion_to_their_power(
 
 
 def test_a_cache_is_made_once_and_not_taken_for_another_resolution(folder: Path, tmp_path: Path) -> None:
-    one = PairDataset([folder], IMAGE, cache=tmp_path)
+    one = ScanPairs([folder], **asdict(IMAGE), cache=tmp_path)
     files = sorted(tmp_path.iterdir())
     before = files[0].stat().st_mtime_ns
-    again = PairDataset([folder], IMAGE, cache=tmp_path)
+    again = ScanPairs([folder], **asdict(IMAGE), cache=tmp_path)
     assert sorted(tmp_path.iterdir()) == files
     assert files[0].stat().st_mtime_ns == before
-    assert (one.drives[0].cells == again.drives[0].cells).all()
-    PairDataset([folder], ImageSettings(pixel_m=0.3456, size=160), cache=tmp_path)
+    assert torch.equal(one.drives[0].image(2), again.drives[0].image(2))
+    ScanPairs([folder], pixel_m=0.3456, size=160, cache=tmp_path)
     assert len(list(tmp_path.iterdir())) == 2
 
 
@@ -193,12 +197,12 @@ def test_folders_without_poses_are_refused(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "bare", POSES[:2])
     (folder / "gt" / "radar_odometry.csv").unlink()
     with pytest.raises(DatasetError, match="bare: has no poses"):
-        PairDataset([folder], IMAGE)
+        ScanPairs([folder])
     with pytest.raises(DatasetError, match="data must name"):
-        PairDataset([], IMAGE)
+        ScanPairs([])
 
 
-def test_a_batch_is_moved_to_a_device_with_all_its_fields(pairs: PairDataset) -> None:
+def test_a_batch_is_moved_to_a_device_with_all_its_fields(pairs: ScanPairs) -> None:
     """The device `meta` exists everywhere."""
     batch = pairs.batch([Pair(drive=0, source=1, destination=0)])
     there = batch.to(torch.device("meta"))

@@ -3,7 +3,7 @@
 import json
 import sys
 import types
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from torch import Tensor
 from echoscape.cli.train import main
 from echoscape.learn.data.augmentation import AugmentationConfig
 from echoscape.learn.data.image_settings import ImageSettings
-from echoscape.learn.data.scan_pairs import PairDataset
+from echoscape.learn.data.scan_pairs import TRAINING_STRIDES, ScanPairs
 from echoscape.learn.geometry.procrustes import Motion
 from echoscape.learn.model.fast_keypoint_model import Matching
 from echoscape.learn.model.model_settings import ModelSettings
@@ -37,9 +37,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_folder(tmp_path_factory.mktemp("data") / "drive", POSES)
 
 
+def training_pairs(folder: Path, image: ImageSettings) -> ScanPairs:
+    """Return the pairs of a folder as `echoscape train` draws them."""
+    return ScanPairs(folder, **asdict(image), stride=TRAINING_STRIDES, codes=False, cache=True)
+
+
 @pytest.fixture(scope="module")
 def data(folder: Path) -> TrainingData:
-    pairs = PairDataset([folder], MODEL.image)
+    pairs = training_pairs(folder, MODEL.image)
     return TrainingData(training=pairs, validation=pairs)
 
 
@@ -110,7 +115,7 @@ def test_training_starts_from_weights_of_another_resolution(
         tmp_path / "fine",
         fine,
         still,
-        TrainingData(training=PairDataset([folder], fine.image)),
+        TrainingData(training=training_pairs(folder, fine.image)),
         init_weights=start,
     )
     for before, after in zip(first.parameters(), second.parameters(), strict=True):
@@ -124,7 +129,7 @@ def test_training_starts_from_weights_of_another_resolution(
             tmp_path / "other",
             headless,
             still,
-            TrainingData(training=PairDataset([folder], fine.image)),
+            TrainingData(training=training_pairs(folder, fine.image)),
             init_weights=start,
         )
 
@@ -282,7 +287,7 @@ def test_gradients_that_are_not_finite_end_the_run(
 
 
 def test_validation_draws_gaps_by_their_power(folder: Path) -> None:
-    pairs = PairDataset([folder], MODEL.image)
+    pairs = training_pairs(folder, MODEL.image)
     near = [abs(pair.source - pair.destination) for pair in fixed_pairs(pairs, 40, seed=1, gap_power=9.0)]
     assert near.count(1) >= 38
     far = [abs(pair.source - pair.destination) for pair in fixed_pairs(pairs, 40, seed=1)]
@@ -332,7 +337,7 @@ def test_a_log_whose_last_line_was_cut_short_is_continued(tmp_path: Path, cut: s
 def test_a_few_hundred_steps_bring_the_error_down_by_half(tmp_path: Path) -> None:
     poses = [(2.0 * i, 0.03 * i * i, 0.03 * i) for i in range(16)]
     folder = write_folder(tmp_path / "drive", poses)
-    pairs = PairDataset([folder], ImageSettings(pixel_m=1.3824, size=160))
+    pairs = training_pairs(folder, ImageSettings(pixel_m=1.3824, size=160))
     settings = TrainingConfig(
         steps=300, validate_every=299, augmentation=AugmentationConfig(max_rotation_rad=0.0), log_every=50
     )
