@@ -12,7 +12,8 @@ from tests.paths import ROOT
 
 # Dr.Jit has no Python call for the target; its C++ function is exported under its mangled name.
 MAKE_SCAN = """
-import ctypes, hashlib, pathlib, sys
+import ctypes, dataclasses, hashlib, pathlib, sys
+import numpy as np
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 cpu, width = sys.argv[1], int(sys.argv[2])
 if cpu != "native":
@@ -30,15 +31,21 @@ town = world(
     *[("metal", "fence", plate([-20.0, y, 1.2], [1, -y / 20], 0.05, 2.0)) for y in range(-9, 9)],
 )
 car = mover(22, box_prototype("box", (4.0, 2.0, 1.5), "metal"), straight([12.0, -4.0], [-5.0, 1.0]))
-scan = Simulator(town, straight([0.0, 0.0], [9.0, 1.0]), (car,), seed=5).scan(3)
-digest = hashlib.sha256(scan.codes.tobytes())
-for name in ("component", "instance", "class_id", "bounces", "moving"):
-    digest.update(getattr(scan.truth.cells, name).tobytes())
-print(digest.hexdigest())
+scan = Simulator(town, straight([0.0, 0.0], [9.0, 1.0]), (car,), seed=5).scan(3, keep_beat=True)
+def arrays(name, value):
+    if dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            yield from arrays(name + "." + field.name, getattr(value, field.name))
+    elif value is not None:
+        yield name, np.asarray(value)
+assert len(scan.truth.boxes.instance) == 1 and scan.truth.cells.displaced.any()
+for name, value in arrays("scan", scan):
+    print(name, hashlib.sha256(value.tobytes()).hexdigest())
 """
 
 
-def digest(cpu: str, width: int, **environment: str) -> str:
+def digests(cpu: str, width: int, **environment: str) -> dict[str, str]:
+    """Hash of every array of a scan and its truth, by name."""
     done = subprocess.run(
         [sys.executable, "-c", MAKE_SCAN, cpu, str(width)],
         capture_output=True,
@@ -49,7 +56,7 @@ def digest(cpu: str, width: int, **environment: str) -> str:
         check=False,
     )
     assert done.returncode == 0, done.stderr[-2000:]
-    return done.stdout.split()[-1]
+    return dict(line.split() for line in done.stdout.splitlines())
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="sets x86-64 targets")
@@ -57,9 +64,11 @@ def test_avx2_and_the_native_target_make_the_same_bytes() -> None:
     flags = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
     if " avx2 " not in flags or " fma " not in flags:
         pytest.skip("needs a processor with AVX2 and FMA")
-    native = digest("native", 0)
+    native = digests("native", 0)
+    assert {"scan.codes", "scan.truth.cells.displaced", "scan.truth.first_obstacle_m"} < set(native)
+    assert {"scan.truth.boxes.centre", "scan.truth.boxes.row_centre", "scan.truth.attitude"} < set(native)
     # NumPy's names for its AVX-512 code; what a build does not know it only warns about.
-    narrow = digest(
+    narrow = digests(
         "skylake", 8, NPY_DISABLE_CPU_FEATURES="X86_V4 AVX512_ICL AVX512_SPR", PYTHONWARNINGS="ignore"
     )
     assert native == narrow
