@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-PACKAGES = ("scenes", "sim", "learn", "eval", "cli")
+PACKAGES = ("scenes", "sim", "learn", "eval", "testing", "cli")
 ROOT_FILES = ("__init__.py", "py.typed")
 """Files of api/, which are the root of the import name."""
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     plan_drive = plan_ego_drive
     __version__: str
 else:
-    _PACKAGES = ("cli", "eval", "learn", "scenes", "sim")
+    _PACKAGES = ("cli", "eval", "learn", "scenes", "sim", "testing")
     _NAMES = {
         "Artefacts": "sim.settings.artefacts.Artefacts",
         "EchoFilter": "sim.effects.echo_filter.EchoFilter",

@@ -14,7 +14,7 @@ The root package itself, which offers the public names of all layers, has its ow
 """
 
 ROOT_PACKAGE = "echoscape"
-LAYERS = ("scenes", "sim", "learn", "eval", "cli")
+LAYERS = ("scenes", "sim", "learn", "eval", "testing", "cli")
 """Top-level folders: each imports itself and those before it only."""
 PACKAGE_ORDER: Mapping[str, Sequence[Sequence[str]]] = {
     "scenes": (("core",), ("geometry", "driving"), ("assets", "roads"), ("town", "traffic"), ("io",)),

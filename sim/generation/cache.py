@@ -62,7 +62,14 @@ def cache_folder() -> Path | None:
     return base / "echoscape"
 
 
-def cached(name: str, kind: Any, settings: Mapping[str, Any], build: Callable[[], T]) -> T:
+def cached(
+    name: str,
+    kind: Any,
+    settings: Mapping[str, Any],
+    build: Callable[[], T],
+    *,
+    code: tuple[str, ...] = ("scenes",),
+) -> T:
     """Return what was built before from the same settings, or build and keep it.
 
     Args:
@@ -70,15 +77,16 @@ def cached(name: str, kind: Any, settings: Mapping[str, Any], build: Callable[[]
         kind: Its type, made of dataclasses, see `sim.datasets.files.record_file`.
         settings: All that decides it, as JSON takes it.
         build: Builds it.
+        code: Top-level packages whose code builds it.
 
     Returns:
         What `build` returns or has returned.
     """
-    folder, code = cache_folder(), code_digest()
-    if folder is None or code is None:
+    folder, digest = cache_folder(), code_digest(code)
+    if folder is None or digest is None:
         return build()
     key = json.dumps(
-        {"name": name, "settings": settings, "code": code, "versions": _versions()}, sort_keys=True
+        {"name": name, "settings": settings, "code": digest, "versions": _versions()}, sort_keys=True
     )
     path = folder / f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:32]}.echoscape"
     try:
@@ -96,16 +104,20 @@ def cached(name: str, kind: Any, settings: Mapping[str, Any], build: Callable[[]
     return built
 
 
-@lru_cache(maxsize=1)
-def code_digest() -> str | None:
-    """Return a digest of the code that builds scenes, so that changed code never reads an older scene.
+@lru_cache(maxsize=8)
+def code_digest(packages: tuple[str, ...] = ("scenes",)) -> str | None:
+    """Return a digest of code, so that changed code never reads what older code has built.
+
+    Args:
+        packages: Top-level packages with this code.
 
     Returns:
-        SHA-256 of the source files of `scenes`; None, so that nothing is cached, where they cannot be found
-        or are newer than this process, which may then run older code.
+        SHA-256 of their source files; None, so that nothing is cached, where they cannot be found or are
+        newer than this process, which may then run older code.
     """
-    folder = Path(str(scenes.__file__)).parent
-    digest, files = hashlib.sha256(), sorted(folder.rglob("*.py"))
+    folder = Path(str(scenes.__file__)).parent.parent
+    digest = hashlib.sha256()
+    files = [path for package in packages for path in sorted((folder / package).rglob("*.py"))]
     for path in files:
         if path.stat().st_mtime_ns > _STARTED_NS:
             _LOG.info("nothing is cached: %s is newer than this process", path)
@@ -118,10 +130,18 @@ def code_digest() -> str | None:
 
 @lru_cache(maxsize=1)
 def _versions() -> dict[str, str]:
-    return {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}}
+    return {"python": platform.python_version(), **{name: package_version(name) for name in _PACKAGES}}
 
 
-def _version(package: str) -> str:
+def package_version(package: str) -> str:
+    """Look up the version of a package.
+
+    Args:
+        package: Its name.
+
+    Returns:
+        The version, "not installed" where there is none.
+    """
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:  # a checkout that is on the path without having been installed

@@ -58,7 +58,7 @@ class Builder:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("ECHOSCAPE_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(stage, "code_digest", lambda: "of the code")  # whoever edits it meanwhile
+    monkeypatch.setattr(stage, "code_digest", lambda *_: "of the code")  # whoever edits it meanwhile
     return tmp_path / "cache"
 
 
@@ -151,7 +151,7 @@ def test_settings_code_and_versions_each_decide_what_is_found(
     assert build.built == 1
     build.cached(seed=2)
     assert build.built == 2
-    monkeypatch.setattr(stage, "code_digest", lambda: "changed")
+    monkeypatch.setattr(stage, "code_digest", lambda *_: "changed")
     build.cached(seed=1)
     assert build.built == 3
     monkeypatch.setattr(stage, "_versions", lambda: {"numpy": "99"})
@@ -160,16 +160,18 @@ def test_settings_code_and_versions_each_decide_what_is_found(
 
 
 def test_the_code_is_digested_whole_and_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def digest(started_ns: int, **sources: str) -> str | None:
-        for path in tmp_path.glob("*.py"):
+    def digest(started_ns: int, packages: tuple[str, ...] = ("scenes",), **sources: str) -> str | None:
+        for path in tmp_path.glob("*/*.py"):
             path.unlink()
         for name, text in sources.items():
-            (tmp_path / f"{name}.py").write_text(text)
-        monkeypatch.setattr(stage.scenes, "__file__", str(tmp_path / "__init__.py"))
+            folder = tmp_path / ("sim" if name.startswith("sim_") else "scenes")
+            folder.mkdir(exist_ok=True)
+            (folder / f"{name}.py").write_text(text)
+        monkeypatch.setattr(stage.scenes, "__file__", str(tmp_path / "scenes" / "__init__.py"))
         monkeypatch.setattr(stage, "_STARTED_NS", started_ns)
         code_digest.cache_clear()
         try:
-            return code_digest()
+            return code_digest(packages)
         finally:
             code_digest.cache_clear()
 
@@ -178,6 +180,9 @@ def test_the_code_is_digested_whole_and_in_order(tmp_path: Path, monkeypatch: py
     assert first == digest(late, b="y = 2", a="x = 1")
     others = [digest(late, a="x = 1", b="y = 3"), digest(late, a="x = 1", c="y = 2"), digest(late, a="x = 1")]
     assert len({first, *others}) == 4
+    assert digest(late, a="x = 1", b="y = 2", sim_c="z = 3") == first  # code of other packages
+    both = ("scenes", "sim")
+    assert digest(late, both, a="x = 1", sim_c="z = 3") != digest(late, both, a="x = 1", sim_c="z = 4")
     assert digest(late) is None
     assert digest(0, a="x = 1") is None  # edited since this process has started
 
@@ -185,7 +190,7 @@ def test_the_code_is_digested_whole_and_in_order(tmp_path: Path, monkeypatch: py
 def test_nothing_is_kept_where_the_code_may_have_changed(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stage, "code_digest", lambda: None)
+    monkeypatch.setattr(stage, "code_digest", lambda *_: None)
     assert Builder().cached().values[0] == 1.0
     assert not folder.exists()
 

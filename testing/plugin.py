@@ -1,0 +1,214 @@
+"""The pytest plugin: options, fixtures with scans of known content, and golden scans.
+
+pytest loads it in every environment that has echoscape installed, so it imports nothing but pytest until a
+fixture is used. `pytest --fixtures` lists the fixtures with their docstrings.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from echoscape.testing.settings import CLEAN, ScanSettings
+
+if TYPE_CHECKING:
+    from echoscape.sim.datasets.polar_scan import PolarScan
+    from echoscape.testing.golden import GoldenScans
+    from echoscape.testing.scans import ScanPair, TargetScan
+
+_CACHE_VARIABLE = "ECHOSCAPE_CACHE"
+_WRITTEN = "radar_golden"
+"""Name of the property of a test that names the golden scans that it has written."""
+_CACHE_BEFORE: pytest.StashKey[str | None] = pytest.StashKey()
+_WRITERS: pytest.StashKey[dict[Path, str]] = pytest.StashKey()
+
+
+# ---------------------------------------------------------------------- options
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options, each also as an ini option."""
+    group = parser.getgroup("radar", "simulated radar scans (echoscape)")
+    defaults = ScanSettings()
+    for name, metavar, text in (
+        ("preset", "NAME", f"kind of world of the radar fixtures (default: {defaults.preset})"),
+        ("seed", "N", f"seed of the radar fixtures (default: {defaults.seed})"),
+        ("sensor", "NAME", f"radar of the radar fixtures, or a TOML file (default: {defaults.sensor})"),
+        ("cache", "DIR", f"folder that keeps simulated scans; off: none (default: ${_CACHE_VARIABLE})"),
+    ):
+        group.addoption(f"--radar-{name}", metavar=metavar, default=None, help=text)
+        parser.addini(f"radar_{name}", f"as --radar-{name}", default="")
+    group.addoption(
+        "--radar-update-golden",
+        action="store_true",
+        help="write the scans that radar_golden.check is given as the stored ones",
+    )
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Select the folder of the cache, for worker processes as well; refuse a seed that is none."""
+    config.stash[_WRITERS] = {}
+    config.stash[_CACHE_BEFORE] = os.environ.get(_CACHE_VARIABLE)
+    given, written = config.getoption("radar_cache"), config.getini("radar_cache")
+    if given or written:
+        base = config.invocation_params.dir if given else config.rootpath
+        place = given or written
+        os.environ[_CACHE_VARIABLE] = place if place.lower() in ("0", "off") else str(base / place)
+        config.option.radar_cache = os.environ[_CACHE_VARIABLE]
+    seed = _option(config, "seed")
+    if seed is not None and not seed.isdecimal():
+        raise pytest.UsageError(f"--radar-seed must be a whole number of 0 or more, got {seed!r}")
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Put the folder of the cache back."""
+    if _CACHE_BEFORE not in config.stash:
+        return
+    before = config.stash[_CACHE_BEFORE]
+    if before is None:
+        os.environ.pop(_CACHE_VARIABLE, None)
+    else:
+        os.environ[_CACHE_VARIABLE] = before
+
+
+def _option(config: pytest.Config, name: str) -> str | None:
+    """Return an option of the command line, else of the ini file, None where neither has it."""
+    return config.getoption(f"radar_{name}") or config.getini(f"radar_{name}") or None
+
+
+@pytest.fixture(scope="session")
+def radar_settings(pytestconfig: pytest.Config) -> ScanSettings:
+    """What the radar fixtures simulate, with the options of the command line."""
+    changes: dict[str, Any] = {}
+    for name in ("preset", "seed", "sensor"):
+        value = _option(pytestconfig, name)
+        if value is not None:
+            changes[name] = int(value) if name == "seed" else value
+    settings = ScanSettings(**changes)
+    if changes:
+        _check(settings)
+    return settings
+
+
+def _check(settings: ScanSettings) -> None:
+    """Fail in one line where an option names no preset or sensor."""
+    from echoscape.scenes.town.presets import PRESETS
+    from echoscape.sim.sensor.registry import sensor_from
+
+    if settings.preset not in PRESETS:
+        pytest.fail(
+            f"--radar-preset must be one of {', '.join(PRESETS)}, got {settings.preset!r}", pytrace=False
+        )
+    try:
+        sensor_from(str(settings.sensor))
+    except ValueError as error:
+        pytest.fail(f"--radar-sensor: {error}", pytrace=False)
+
+
+# ---------------------------------------------------------------------- fixtures
+
+
+@pytest.fixture(scope="session")
+def make_radar_scan(radar_settings: ScanSettings) -> "Callable[..., PolarScan]":
+    """Make any scan: `make_radar_scan(preset=..., seed=..., index=..., artefacts={"rain": 10}, sensor=...)`.
+
+    What is not given is as in `radar_scan`. Scans are read-only: change a copy.
+    """
+    from echoscape.testing.scans import make_scan
+
+    def make(**changes: Any) -> "PolarScan":
+        return make_scan(radar_settings, **changes)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def make_radar_target(radar_settings: ScanSettings) -> "Callable[..., TargetScan]":
+    """Make a scan of a corner reflector: `make_radar_target(range_m=20, bearing_rad=-0.3)`."""
+    from echoscape.testing.scans import make_target
+
+    def make(range_m: float | None = None, bearing_rad: float | None = None) -> "TargetScan":
+        return make_target(range_m, bearing_rad, settings=radar_settings)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def radar_scan(make_radar_scan: "Callable[..., PolarScan]") -> "PolarScan":
+    """A scan with its truth, read-only: codes in half decibels, 100 azimuths x 512 bins by default."""
+    return make_radar_scan()
+
+
+@pytest.fixture(scope="session")
+def radar_pair(radar_settings: ScanSettings) -> "ScanPair":
+    """Two successive scans of a moving car and the true motion between them: (first, second, motion)."""
+    from echoscape.testing.scans import make_pair
+
+    return make_pair(radar_settings)
+
+
+@pytest.fixture(scope="session")
+def radar_drive(radar_settings: ScanSettings) -> "tuple[PolarScan, ...]":
+    """Ten successive scans of a drive; the first two are those of `radar_pair`."""
+    from echoscape.testing.scans import make_drive
+
+    return make_drive(radar_settings)
+
+
+@pytest.fixture(scope="session")
+def radar_target(make_radar_target: "Callable[..., TargetScan]") -> "TargetScan":
+    """A corner reflector on a plane, the car at rest: (scan, range_m, bearing_rad)."""
+    return make_radar_target()
+
+
+@pytest.fixture(scope="session")
+def radar_clean(make_radar_scan: "Callable[..., PolarScan]") -> "PolarScan":
+    """The scan `radar_full` without ghosts, speckle and saturation."""
+    return make_radar_scan(artefacts=CLEAN)
+
+
+@pytest.fixture(scope="session")
+def radar_full(radar_scan: "PolarScan") -> "PolarScan":
+    """The scan `radar_clean` with ghosts, speckle and saturation, which is `radar_scan`."""
+    return radar_scan
+
+
+# ---------------------------------------------------------------------- golden scans
+
+
+@pytest.fixture
+def radar_golden(request: pytest.FixtureRequest) -> "Iterator[GoldenScans]":
+    """Compare scans with stored ones: `radar_golden.check(scan, "name")`; `--radar-update-golden` stores."""
+    from echoscape.testing.golden import GoldenScans
+
+    golden = GoldenScans(
+        request.path.parent / "golden" / request.path.stem,
+        test=request.node.nodeid,
+        update=bool(request.config.getoption("radar_update_golden")),
+        writers=request.config.stash[_WRITERS],
+    )
+    yield golden
+    for path in golden.written:
+        shown = os.path.relpath(path, request.config.invocation_params.dir)
+        request.node.user_properties.append((_WRITTEN, shown))
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    """List the golden scans that were written, by all processes."""
+    if not config.getoption("radar_update_golden"):
+        return
+    reports = [each for group in terminalreporter.stats.values() for each in group]
+    found = {
+        path
+        for report in reports
+        for name, path in getattr(report, "user_properties", ())
+        if name == _WRITTEN
+    }
+    terminalreporter.section("golden scans")
+    for path in sorted(found):
+        terminalreporter.write_line(f"written: {path}")
+    if not found:
+        terminalreporter.write_line("all as stored; nothing written")
