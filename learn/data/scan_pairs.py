@@ -253,7 +253,7 @@ def _candidates(drive: ScanFolder, strides: Sequence[int]) -> list[tuple[int, in
     found = [(i, i + gap) for gap in strides for i in range(count - gap) if known[i] and known[i + gap]]
     if not found:
         apart = strides[0] if len(strides) == 1 else f"{strides[0]} to {strides[-1]}"
-        raise DatasetError(f"{folder}: has no two scans with poses {apart} apart; it has {count} scans")
+        raise DatasetError(f"{folder}: no two of its scans ({count}) have poses and are {apart} apart")
     return found
 
 

@@ -97,9 +97,12 @@ def train(
     Raises:
         DatasetError: `out` is not empty (or, to resume, does not hold a run with these settings), or
             `init_weights` is not a model with the same heads.
-        ValueError: A loss or its gradient is not finite, which ends the run at its last checkpoint; or there
-            is no such device.
+        ValueError: The images of the data are not those of the model; a loss or its gradient is not finite,
+            which ends the run at its last checkpoint; or there is no such device.
     """
+    for pairs in filter(None, (data.training, data.validation)):
+        if pairs.settings != model_settings.image:
+            raise ValueError(f"data must have the model's {model_settings.image}, got {pairs.settings}")
     with joined_processes(resolve_device(device)) as process:
         run = _Run(out, model_settings, config, data, init_weights, process=process, callback=callback)
         run.begin(resume=resume)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from torch.utils.data import DataLoader
 
+from echoscape.learn import ScanFolder, ScanPairs
 from echoscape.learn.data.augmentation import (
     AugmentationConfig,
     PairAugmentation,
@@ -19,11 +22,13 @@ from echoscape.learn.data.augmentation import (
 )
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.data.pair_batch import Pair
-from echoscape.learn.data.scan_pairs import TRAINING_STRIDES, ScanPairs
+from echoscape.learn.data.scan_pairs import TRAINING_STRIDES
 from echoscape.learn.model.pixel_coords import pixels_of_metres
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.se2 import SE2
 from tests.learn.folders import motion_between, world, write_folder
+from tests.learn.items import assert_same_items
+from tests.learn.simulated import write_simulated
 
 IMAGE = ImageSettings(pixel_m=0.6912, size=160)
 POSES = [(3.0 * i, 0.2 * i * i, 0.12 * i) for i in range(4)]
@@ -216,3 +221,115 @@ def test_a_batch_is_moved_to_a_device_with_all_its_fields(pairs: ScanPairs) -> N
         assert tensor.device.type == "meta"
     here = batch.to(torch.device("cpu"))
     assert here.source is batch.source
+
+
+def test_a_pair_is_two_scans_and_the_motion_between_them(pairs: ScanPairs, folder: Path) -> None:
+    single = ScanPairs(folder, **asdict(IMAGE))
+    scans = ScanFolder(folder, **asdict(IMAGE))
+    assert len(single) == len(POSES) - 1
+    for number, item in enumerate(single):  # pyright: ignore[reportArgumentType]
+        assert_same_items(item["source"], scans[number + 1])
+        assert_same_items(item["destination"], scans[number])
+        assert_allclose(item["motion"], motion_between(POSES[number], POSES[number + 1]), atol=1e-5)
+        assert int(item["drive"]) == 0
+
+
+def test_training_sees_the_images_and_motions_of_the_items(pairs: ScanPairs) -> None:
+    batch = pairs.batch(pairs.pairs)
+    items = next(iter(DataLoader(pairs, batch_size=len(pairs))))
+    assert torch.equal(batch.source, items["source"]["image"])
+    assert torch.equal(batch.destination, items["destination"]["image"])
+    assert torch.equal(batch.motion.translation_m, items["motion"][:, :2])
+    assert_allclose(batch.motion.yaw_rad, items["motion"][:, 2], atol=1e-6)
+    assert batch.truth.source is not None
+    assert torch.equal(batch.truth.source.twist.velocity_mps, items["source"]["twist"][:, :2])
+
+
+@pytest.mark.parametrize(
+    ("stride", "expected"),
+    [
+        (1, [(0, 1), (1, 2), (2, 3)]),
+        (3, [(0, 3)]),
+        ([2, 1], [(0, 1), (1, 2), (2, 3), (0, 2), (1, 3)]),
+        (range(2, 9), [(0, 2), (1, 3), (0, 3)]),
+    ],
+)
+def test_pairs_are_a_stride_apart(
+    folder: Path, stride: int | list[int] | range, expected: list[tuple[int, int]]
+) -> None:
+    found = ScanPairs(folder, **asdict(IMAGE), stride=stride, codes=False)
+    numbers = [(int(item["destination"]["index"]), int(item["source"]["index"])) for item in found]  # pyright: ignore
+    assert numbers == expected
+    assert len(found) == len(expected)
+
+
+def test_pairs_of_several_folders_follow_each_other_and_count_from_either_end(
+    folder: Path, tmp_path: Path
+) -> None:
+    other = write_folder(tmp_path / "other", POSES[:3], seed=2)
+    both = ScanPairs([folder, str(other)], pixel_m=2.0, size=32)
+    assert both.names == ["drive", "other"]
+    assert [int(item["drive"]) for item in both] == [0, 0, 0, 1, 1]  # pyright: ignore[reportGeneralTypeIssues]
+    assert_same_items(both[-1]["source"], ScanFolder(other, pixel_m=2.0, size=32)[2])
+    for index in (5, -6):
+        with pytest.raises(IndexError, match=f"index must be between -5 and 4, got {index}"):
+            both[index]
+    with pytest.raises(TypeError, match="Subset"):
+        both[1:]  # pyright: ignore[reportArgumentType]
+
+
+def test_scans_without_a_pose_are_in_no_pair(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "gap", [(2.0 * i, 0.0, 0.0) for i in range(5)])
+    path = folder / "gt" / "radar_odometry.csv"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:-1]) + "\n")  # the last scan has no pose any more
+    assert len(ScanPairs(folder, pixel_m=2.0, size=32)) == 3
+    assert len(ScanPairs(folder, pixel_m=2.0, size=32, stride=[1, 2])) == 3 + 2
+
+
+def test_labels_are_there_where_all_folders_have_truth(folder: Path, tmp_path: Path) -> None:
+    simulated = write_simulated(tmp_path / "yard", scans=2)
+    item = ScanPairs(simulated, pixel_m=2.0, size=32)[0]
+    assert item["source"]["labels"]["component"].shape == item["source"]["codes"].shape == (100, 512)
+    assert "labels" not in ScanPairs([simulated, folder], pixel_m=2.0, size=32, codes=False)[0]["source"]
+    with pytest.raises(DatasetError, match="drive: has no truth"):
+        ScanPairs([simulated, folder], labels=True)
+    with pytest.raises(
+        DatasetError, match=r"drive: its scans have 400 x 3768 cells, those of .*yard 100 x 512"
+    ):
+        ScanPairs([simulated, folder])
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.parametrize("context", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])
+def test_shuffled_batches_of_workers_are_those_of_one_process(folder: Path, context: str) -> None:
+    pairs = ScanPairs(folder, pixel_m=2.0, size=32, stride=[1, 2])
+
+    def shuffled(workers: int, context: str | None) -> list[dict[str, Any]]:
+        generator = torch.Generator().manual_seed(1)
+        return list(
+            DataLoader(
+                pairs,
+                batch_size=2,
+                shuffle=True,
+                generator=generator,
+                num_workers=workers,
+                multiprocessing_context=context,
+            )
+        )
+
+    for found, expected in zip(shuffled(2, context), shuffled(0, None), strict=True):
+        assert_same_items(found, expected)
+
+
+def test_folders_without_pairs_are_refused_by_name(folder: Path, tmp_path: Path) -> None:
+    alone = write_folder(tmp_path / "alone", POSES[:1])
+    with pytest.raises(DatasetError, match=r"alone: no two of its scans \(1\) have poses and are 1 apart"):
+        ScanPairs(alone)
+    with pytest.raises(DatasetError, match=r"drive: no two of its scans \(4\) .* are 4 to 8 apart"):
+        ScanPairs(folder, stride=range(4, 9))
+    for stride in (0, [], [1, -1]):
+        with pytest.raises(ValueError, match="stride must be 1 or more"):
+            ScanPairs(folder, stride=stride)
+    with pytest.raises(DatasetError, match="nowhere: no such folder"):
+        ScanPairs(tmp_path / "nowhere")

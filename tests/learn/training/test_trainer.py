@@ -134,6 +134,16 @@ def test_training_starts_from_weights_of_another_resolution(
         )
 
 
+def test_images_of_another_size_than_the_models_are_refused(
+    data: TrainingData, folder: Path, tmp_path: Path
+) -> None:
+    other = ScanPairs(folder, pixel_m=1.3824, size=96)
+    for each in (replace(data, training=other), replace(data, validation=other)):
+        with pytest.raises(ValueError, match=r"data must have .*size=80.* got .*size=96"):
+            train(tmp_path / "out", MODEL, SHORT, each)
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_learning_rate_is_held_and_then_halved() -> None:
     settings = TrainingConfig(learning_rate=4e-3, lr_hold_steps=100, lr_half_life=50)
     assert [settings.learning_rate_at(step) for step in (0, 100, 150, 200)] == [4e-3, 4e-3, 2e-3, 1e-3]

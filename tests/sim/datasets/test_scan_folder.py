@@ -202,6 +202,22 @@ def test_what_is_no_folder_of_scans_is_refused_by_name(tmp_path: Path) -> None:
         open_folder(tmp_path)
 
 
+def test_scans_are_read_by_index_and_slice_like_a_list(tmp_path: Path) -> None:
+    put(tmp_path, "oxford", CTS350X, *(START_US + 250_000 * number for number in range(4)))
+    folder = open_folder(tmp_path)
+    scans = list(folder)
+    assert [folder[number] for number in range(-4, 4)] == scans + scans
+    assert folder[np.int64(1)] == scans[1]
+    assert [int(scan.timestamp_us[0]) for scan in scans] == [START_US + 250_000 * n for n in range(4)]
+    for slices in (slice(1, 3), slice(None, None, -2), slice(-9, 99), slice(3, 1)):
+        assert folder[slices] == scans[slices]
+    for index in (4, -5):
+        with pytest.raises(IndexError, match=f"index must be between -4 and 3, got {index}"):
+            folder[index]
+    with pytest.raises(TypeError):
+        folder[1.0]  # pyright: ignore
+
+
 def test_layouts_are_found_by_name_and_every_sensor_has_a_home() -> None:
     assert layout_named("mulran").name == "mulran"
     with pytest.raises(ValueError, match="got 'moon'"):
