@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 PIP = $(BIN)/python -m pip install --quiet -c constraints.txt
 TORCH := torch==$(shell sed -n 's/^torch==//p' constraints.txt)
 
-.PHONY: demo figures fidelity training-set judge test test-slow lint bench clean
+.PHONY: demo docs figures fidelity training-set judge test test-slow lint bench clean
 
 # PyTorch for the CPU: from a folder of wheels that pip is configured to search (find-links), else by uv from
 # PyTorch's index of CPU builds, else the build that pip finds, which on Linux brings CUDA.
@@ -25,6 +25,18 @@ demo: $(READY)
 	$(BIN)/echoscape simulate demo --seed 7 --scans 40 --workers 2
 	$(BIN)/echoscape odometry demo --out demo/odometry
 
+# The site in build/site: the pages of docs/, the notebook, and the API from docstrings. Its packages are installed for
+# it alone; the build needs no network.
+DOCS_READY := $(VENV)/.ready-docs
+$(DOCS_READY): $(READY)
+	$(PIP) $$($(BIN)/python -c "import tomllib; \
+		print(*tomllib.load(open('pyproject.toml', 'rb'))['dependency-groups']['docs'])")
+	touch $@
+
+docs: $(DOCS_READY)
+	rm -rf build/site
+	$(BIN)/python -m sphinx -q -E -b html -d build/doctrees -W --keep-going docs build/site
+
 figures: demo
 	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.preview import small_copy; \
 		small_copy(Path('demo/preview.png'), Path('docs/preview.png'))"
@@ -32,6 +44,7 @@ figures: demo
 	$(BIN)/echoscape simulate build/junction --seed 101 --scans 40 --workers 2 --no-preview
 	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.scan_image import write_scan_image; \
 		write_scan_image(Path('build/junction'), Path('docs/scan.png'), scan=38)"
+	ECHOSCAPE_TUTORIAL_FIGURES=1 $(BIN)/python -m pytest -m "slow or not slow" tests/test_tutorials.py
 
 # Tables and figures of docs/fidelity.md: seed 7 was used for the calibration, 101 and 102 were not.
 ARTEFACTS := $(BIN)/echoscape artefacts --seed 7 --scans 240
