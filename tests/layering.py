@@ -29,7 +29,11 @@ PACKAGE_ORDER: Mapping[str, Sequence[Sequence[str]]] = {
         ("generation",),
     ),
     "learn": (("geometry",), ("data",), ("model",), ("training", "odometry")),
-    "eval": (("figures",), ("odometry", "fidelity", "viewer", "scene_report"), ("ablation", "detections")),
+    "eval": (
+        ("figures", "methods"),
+        ("odometry", "fidelity", "viewer", "scene_report"),
+        ("ablation", "detections"),
+    ),
 }
 """Packages (and modules beside them) of a layer by level: each imports itself and lower levels only."""
 FORBIDDEN = (("sim.raytracing", "sim.receiver"), ("sim.receiver", "sim.raytracing"))

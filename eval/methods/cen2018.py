@@ -1,9 +1,9 @@
 """Keypoints of Cen & Newman 2018: where the power of an azimuth is unlikely to be noise.
 
 Source: Cen & Newman, "Precise Ego-Motion Estimation with Millimeter-Wave Radar Under Diverse and Challenging
-Conditions", ICRA 2018, landmark extraction, with the simplifications of Burnett et al., "Do We Need to
-Compensate for Motion Distortion and Doppler Effects in Spinning Radar Navigation?", RA-L 2021, whose settings are
-the defaults: the bias is the mean of the azimuth, the low-pass is Gaussian, and multipath is not removed.
+Conditions", ICRA 2018, landmark extraction, as simplified by Burnett et al., "Do We Need to Compensate for
+Motion Distortion and Doppler Effects in Spinning Radar Navigation?", RA-L 2021, with their settings: the
+bias is the mean of the azimuth, the low-pass is Gaussian, and multipath is not removed.
 """
 
 import math
@@ -17,8 +17,8 @@ from echoscape.eval.methods.keypoints import Keypoints, first_bin, keypoints_at
 from echoscape.eval.methods.runs import Runs
 from echoscape.sim.datasets.polar_scan import PolarScan
 
-_HIGHEST_SCORE = 64.0
-"""Scores above it count as it: no code stands 64 deviations out of noise of a few codes."""
+_HIGHEST_SCORE = 32.0
+"""Scores above it count as it; those of real scans reach 13."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ class Cen2018:
             scan: A scan.
 
         Returns:
-            The signal of the cells in standard deviations of the noise, 0 to 64 (azimuths, bins); 0 nearer
+            The signal of the cells in standard deviations of the noise, 0 to 32 (azimuths, bins); 0 nearer
             than `near_m`, and in azimuths that are all the same.
         """
         settings = self.settings

@@ -98,8 +98,8 @@ def low_gradient_power(codes: NDArray[np.number]) -> NDArray[np.float64]:
 def strongest(runs: Runs, scores: NDArray[np.float64], count: int) -> Runs:
     """Mark the stretches of the highest scores.
 
-    The paper takes cells in the order of their scores and marks each along range to where the power falls below
-    its mean. As no two such stretches meet, this is the order of their highest scores.
+    The paper takes cells in the order of their scores and marks each along range to where the power falls
+    below its mean. As no two such stretches meet, this is the order of their highest scores.
 
     Args:
         runs: Stretches of power above the mean.

@@ -1,7 +1,7 @@
 """Keypoints of a polar scan: the common result and interface of hand-made extractors."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -47,6 +47,18 @@ class Keypoints(ArrayRecord):
     def points_m(self) -> NDArray[np.float64]:
         """Forward, right (N, 2) [m]."""
         return np.stack([self.x_m, self.y_m], axis=-1)
+
+    def strongest(self, count: int) -> "Keypoints":
+        """Keep the keypoints of the highest scores.
+
+        Args:
+            count: How many are kept at most; of equal scores the first.
+
+        Returns:
+            The kept ones in their order.
+        """
+        kept = np.sort(np.argsort(-self.score, kind="stable")[:count])
+        return Keypoints(**{each.name: getattr(self, each.name)[kept] for each in fields(self)})
 
 
 class KeypointExtractor(Protocol):
@@ -115,8 +127,8 @@ def keypoints_at(
     return Keypoints(
         azimuth=azimuth.astype(np.int64),
         bin=bins.astype(np.int64),
-        azimuth_rad=(scan.first_azimuth_rad + azimuth * step_rad) % (2 * math.pi),
-        range_m=(bins + 0.5) * scan.bin_m + range_offset_m,
+        azimuth_rad=(scan.first_azimuth_rad + azimuth.astype(np.float64) * step_rad) % (2 * math.pi),
+        range_m=(bins.astype(np.float64) + 0.5) * scan.bin_m + range_offset_m,
         score=score.astype(np.float64),
     )
 
