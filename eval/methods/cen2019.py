@@ -23,12 +23,17 @@ class Cen2019Settings:
     regions: int = 1000
     """l_max: stretches that are marked at most, those of the highest score first. Those without a neighbour
     in an adjacent azimuth give no keypoint."""
+    cells: int | None = None
+    """Mark so many cells of the highest scores in place of whole stretches, as the public implementation of
+    Burnett et al., RA-L 2021, does with 10,000: keypoints then count how the strongest cells are scattered."""
     near_m: float = 2.5
     """Range below which there are no keypoints [m]: leakage and the car itself are there."""
 
     def __post_init__(self) -> None:
         if self.regions < 1:
             raise ValueError(f"regions must be 1 or more, got {self.regions}")
+        if self.cells is not None and self.cells < 1:
+            raise ValueError(f"cells must be 1 or more, got {self.cells}")
         if not 0 <= self.near_m < math.inf:
             raise ValueError(f"near_m must be finite and 0 or more, got {self.near_m}")
 
@@ -70,13 +75,18 @@ class Cen2019:
             The keypoints by azimuth, nearest first.
         """
         scores = self.scores(scan)
-        above = scan.codes > scan.codes.mean()
-        above[:, : first_bin(self.settings.near_m, scan.bin_m)] = False
-        runs = side_by_side(strongest(Runs.of(above), scores, self.settings.regions))
+        runs = side_by_side(self._marked(scan, scores))
         bins = runs.peaks(scores)
         return keypoints_at(
             scan, runs.azimuth, bins, scores[runs.azimuth, bins], range_offset_m=range_offset_m
         )
+
+    def _marked(self, scan: PolarScan, scores: NDArray[np.float64]) -> Runs:
+        above = scan.codes > scan.codes.mean()
+        above[:, : first_bin(self.settings.near_m, scan.bin_m)] = False
+        if self.settings.cells is None:
+            return strongest(Runs.of(above), scores, self.settings.regions)
+        return Runs.of(highest_cells(np.where(above, scores, 0.0), self.settings.cells))
 
 
 def low_gradient_power(codes: NDArray[np.number]) -> NDArray[np.float64]:
@@ -112,6 +122,20 @@ def strongest(runs: Runs, scores: NDArray[np.float64], count: int) -> Runs:
     """
     highest, total = runs.reduce(np.maximum, scores), runs.reduce(np.add, scores)
     return runs[np.sort(np.lexsort((runs.first, -total, -highest))[:count])]
+
+
+def highest_cells(scores: NDArray[np.float64], count: int) -> NDArray[np.bool_]:
+    """Mark the cells of the highest scores.
+
+    Args:
+        scores: H (azimuths, bins).
+        count: How many are marked at most; those that tie for the last place are left out together.
+
+    Returns:
+        Which cells are marked (azimuths, bins), none with a score of 0 or less.
+    """
+    last = np.partition(scores, -count - 1, axis=None)[-count - 1] if count < scores.size else -np.inf
+    return scores > max(last, 0.0)
 
 
 def side_by_side(runs: Runs) -> Runs:
