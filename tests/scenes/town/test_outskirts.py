@@ -15,7 +15,8 @@ from shapely.geometry.base import BaseGeometry
 
 from echoscape.scenes.core.scene import CLASSES, Scene
 from echoscape.scenes.driving.ego_drive import plan_ego_drive
-from echoscape.scenes.town.build import build_town
+from echoscape.scenes.roads.ground_mesh import ground_plan
+from echoscape.scenes.town.build import build_town, road_network
 from echoscape.scenes.town.presets import PRESETS, SIGHT_M
 from echoscape.sim.sensor.registry import SENSORS
 
@@ -23,7 +24,8 @@ FARTHEST_M = max(sensor.range_m for sensor in SENSORS.values())
 SECTORS = 12
 GROUND = ("ground", "road", "pavement", "kerb")
 SOLID = tuple(name for name in CLASSES if name not in ("none", "target", *GROUND))
-LIVELY = ("town", "suburb", "industrial", "motorway", "open")
+BUILT_IN_SECONDS = ("town", "suburb", "industrial")
+BUILT_AT_ONCE = ("motorway", "open", "yard")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +129,31 @@ def test_the_plane_goes_on() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(50))
 def test_no_end_of_any_world_is_in_sight(seed: int) -> None:
-    world = World(scene=build_town(LIVELY[seed % len(LIVELY)], seed=seed))
-    check_ground(world)
-    check_clutter(world)
-    check_density(world)
+    presets = BUILT_AT_ONCE
+    if seed < 10 * len(BUILT_IN_SECONDS):
+        presets += (BUILT_IN_SECONDS[seed % len(BUILT_IN_SECONDS)],)
+    for preset in presets:
+        world = World(scene=build_town(preset, seed=seed))
+        check_ground(world)
+        check_clutter(world)
+        if preset != "yard":
+            check_density(world)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", BUILT_IN_SECONDS)
+@pytest.mark.parametrize("seed", range(50))
+def test_land_and_streets_go_on_around_every_drive(preset: str, seed: int) -> None:
+    """From the plan of the ground alone; `fill_outskirts` builds on all land beyond the driven streets."""
+    network, roads, trims = road_network(PRESETS[preset], seed=seed)
+    ground = ground_plan(network, roads, trims, margin_m=PRESETS[preset].margin_m)
+    drive = plan_ego_drive(roads, seed=seed, duration_s=240.0)
+    poses = shapely.points(drive.pose(np.arange(0.0, 240.0, 3.0))[:, :2])
+    assert shapely.contains(ground.land, poses).all()
+    assert shapely.distance(ground.land.boundary, poses).min() > FARTHEST_M
+    ring = ground.driven.buffer(SIGHT_M).difference(ground.driven)
+    beyond, between = (
+        sum(shapely.LineString(street.line).intersection(zone).length for street in streets) / zone.area
+        for zone, streets in ((ring, network.outskirts), (ground.driven, network.streets))
+    )
+    assert 0.5 < beyond / between < 2.0
