@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Literal
 
 from echoscape.eval.detections.cfar import Cfar, CfarSettings, OrderedCfarSettings, noise_correlation
+from echoscape.eval.detections.hand_made import HandMadeKeypoints
 from echoscape.eval.detections.interface import Detector
 from echoscape.eval.detections.k_strongest import KStrongest, KStrongestSettings
+from echoscape.eval.methods.cen2018 import Cen2018, Cen2018Settings
+from echoscape.eval.methods.cen2019 import Cen2019, Cen2019Settings
 from echoscape.sim.sensor.sensor import Sensor
 
 
@@ -44,6 +47,10 @@ class MethodSettings:
     """CFAR by order statistics."""
     kstrongest: KStrongestSettings = field(default_factory=KStrongestSettings)
     """The k strongest cells of each azimuth."""
+    cen2018: Cen2018Settings = field(default_factory=Cen2018Settings)
+    """Keypoints of Cen & Newman, ICRA 2018."""
+    cen2019: Cen2019Settings = field(default_factory=Cen2019Settings)
+    """Keypoints of Cen & Newman, ICRA 2019."""
     learned: KeypointSettings = field(default_factory=KeypointSettings)
     """Keypoints of the learned odometry."""
 
@@ -60,6 +67,14 @@ def _kstrongest(settings: MethodSettings, sensor: Sensor) -> Detector:
     return KStrongest(settings.kstrongest)
 
 
+def _cen2018(settings: MethodSettings, sensor: Sensor) -> Detector:
+    return HandMadeKeypoints(Cen2018(settings.cen2018))
+
+
+def _cen2019(settings: MethodSettings, sensor: Sensor) -> Detector:
+    return HandMadeKeypoints(Cen2019(settings.cen2019))
+
+
 def _learned(settings: MethodSettings, sensor: Sensor) -> Detector:
     # Here, so that the others work without PyTorch.
     from echoscape.eval.detections.learned import LearnedKeypoints
@@ -74,6 +89,8 @@ METHODS: Mapping[str, Callable[[MethodSettings, Sensor], Detector]] = {
     "cfar": _cfar,
     "oscfar": _oscfar,
     "kstrongest": _kstrongest,
+    "cen2018": _cen2018,
+    "cen2019": _cen2019,
     "learned": _learned,
 }
 """Builds each method for a radar."""

@@ -25,7 +25,8 @@ class Cen2019Settings:
     in an adjacent azimuth give no keypoint."""
     cells: int | None = None
     """Mark so many cells of the highest scores in place of whole stretches, as the public implementation of
-    Burnett et al., RA-L 2021, does with 10,000: keypoints then count how the strongest cells are scattered."""
+    Burnett et al., RA-L 2021, does with 10,000: their number then tells how the strongest cells are
+    scattered."""
     near_m: float = 2.5
     """Range below which there are no keypoints [m]: leakage and the car itself are there."""
 
