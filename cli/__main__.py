@@ -15,8 +15,10 @@ COMMANDS = {
     "view": "write a page to step through a data set in a browser, small enough to mail",
     "fidelity": "compare the statistics of a folder of scans with those of real ones: table, JSON, plots",
     "artefacts": "show what each artefact does to one scan: a figure each, without it and with it",
+    "ablate": "measure what artefacts and sensor faults cost odometry, over worlds, strengths and methods",
     "train": "train keypoint odometry on folders of scans with poses",
     "odometry": "estimate the motion between the scans of a folder, and evaluate it against the truth",
+    "detections": "judge detectors (CFAR, k strongest, learned keypoints) by the truth of every cell",
     "drift": "evaluate one trajectory against another as the KITTI benchmark does",
 }
 """Subcommands and what they do; each is a module of this package with `main(arguments) -> int`."""

@@ -14,12 +14,13 @@ from scipy.optimize import brentq
 
 from echoscape.eval.detections.interface import ScoredScan, cells_of
 from echoscape.sim.datasets.polar_scan import PolarScan
-from echoscape.sim.receiver.quantiser import middle_power
+from echoscape.sim.receiver.quantiser import middle_power, power_width
 from echoscape.sim.sensor.link_budget import window
 from echoscape.sim.sensor.sensor import Sensor
 
-_POWER = middle_power(np.arange(256))
-"""Power of each code (256,)."""
+_CODES = np.arange(256)
+_POWER, _WIDTH = middle_power(_CODES), power_width(_CODES)
+"""Power of each code, and the width of the powers that have it (256,)."""
 _UNCORRELATED = 0.05
 """Correlation of power below which two cells count as independent."""
 
@@ -31,7 +32,8 @@ class CfarSettings:
     false_alarm_rate: float = 1e-4
     """Probability that a cell with nothing but noise exceeds the threshold."""
     guard_m: float = 1.0
-    """Range on either side of a cell that is left out of its noise estimate [m]."""
+    """Range on either side of a cell that is left out of its noise estimate [m]; at least as far as the noise
+    of the radar is correlated."""
     training_m: float = 6.0
     """Range beyond that, on either side, from which the noise is estimated [m]."""
     peaks: bool = True
@@ -157,9 +159,9 @@ class Cfar:
         """
         self.settings = settings
         self._correlation = np.ones(1) if correlation is None else correlation
-        self._guard, self._training = (
-            round(each / bin_m) for each in (settings.guard_m, settings.training_m)
-        )
+        # Noise beside a cell is its own noise as far as bins are correlated.
+        self._guard = max(round(settings.guard_m / bin_m), len(self._correlation) - 1)
+        self._training = round(settings.training_m / bin_m)
         if self._training < 1:
             raise ValueError(f"training_m must be a bin ({bin_m:g} m) or more, got {settings.training_m}")
 
@@ -178,7 +180,7 @@ class Cfar:
             The detections, and every cell by its level above the noise.
         """
         power = _POWER[scan.codes]
-        noise, factor = self.noise(power)
+        noise, factor = self.noise(power, _WIDTH[scan.codes])
         above = power > factor * noise
         if self.settings.peaks:
             above &= _peaks_along_range(power)
@@ -189,11 +191,15 @@ class Cfar:
             score_map=cells_of(everywhere, score, scan.bin_m),
         )
 
-    def noise(self, power: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def noise(
+        self, power: NDArray[np.floating], width: NDArray[np.floating] | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Estimate the noise of every cell.
 
         Args:
             power: Powers (azimuths, bins).
+            width: Width of the powers that were quantised to each of them (azimuths, bins); None for exact
+                powers. It matters to order statistics only.
 
         Returns:
             The estimates (azimuths, bins), and the factors of the thresholds by bin (bins,).
@@ -205,12 +211,10 @@ class Cfar:
             needed = 2 * self._guard + self._training + 1
             raise ValueError(f"CFAR needs {needed} bins or more, the scan has {power.shape[1]}")
         if isinstance(self.settings, OrderedCfarSettings):
-            return self._ordered_noise(power, self.settings)
+            return self._ordered_noise(power, np.zeros_like(power) if width is None else width, self.settings)
         return self._mean_noise(power)
 
-    def _mean_noise(
-        self, power: NDArray[np.floating]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _mean_noise(self, power: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Average the training cells; at the ends of a scan only those that exist."""
         sums = np.pad(np.cumsum(power, axis=1, dtype=np.float64), ((0, 0), (1, 0)))
         bins = power.shape[1]
@@ -234,15 +238,15 @@ class Cfar:
         return length + 2 * pairs
 
     def _ordered_noise(
-        self, power: NDArray[np.floating], settings: OrderedCfarSettings
+        self, power: NDArray[np.floating], width: NDArray[np.floating], settings: OrderedCfarSettings
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Take the training cell of the rank, of cells so far apart that they are independent."""
         cells = self._spaced_cells(power.shape[1])
         count = cells.shape[1]
         rank = max(1, math.ceil(settings.rank * count))
         noise = np.empty(power.shape)
-        for number, row in enumerate(power):  # a whole scan's training cells would fill the memory
-            noise[number] = np.partition(row[cells], rank - 1, axis=1)[:, rank - 1]
+        for number in range(len(power)):  # a whole scan's training cells would fill the memory
+            noise[number] = _of_rank(power[number, cells], width[number, cells], rank)
         factor = ordered_factor(settings.false_alarm_rate, cells=count, rank=rank)
         return noise, np.full(power.shape[1], factor)
 
@@ -257,6 +261,20 @@ class Cfar:
         exists = (cell >= 0) & (cell < bins)
         order = np.argsort(~exists, axis=1, kind="stable")[:, : min(count, int(exists.sum(axis=1).min()))]
         return np.take_along_axis(cell, order, axis=1)
+
+
+def _of_rank(power: NDArray, width: NDArray, rank: int) -> NDArray[np.float64]:
+    """Return the power of a rank from 1 in each row (bins,) of powers (bins, N) with their widths.
+
+    Noise fills few codes, so that several cells have the power of that rank. They are taken as spread evenly
+    over the width of their code.
+    """
+    at = np.argpartition(power, rank - 1, axis=1)[:, rank - 1, None]
+    found = np.take_along_axis(power, at, axis=1)
+    below = np.count_nonzero(power < found, axis=1)
+    equal = np.count_nonzero(power == found, axis=1)
+    spread = (rank - 0.5 - below) / equal - 0.5
+    return found[:, 0] + spread * np.take_along_axis(width, at, axis=1)[:, 0]
 
 
 def _peaks_along_range(power: NDArray[np.floating]) -> NDArray[np.bool_]:

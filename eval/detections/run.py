@@ -111,9 +111,7 @@ def judge_detectors(
         targets = ScanTargets(scan, truth.cells, folder.sensor, settings)
         for detector, tally in zip(detectors, tallies, strict=True):
             scored = detector.detect(scan)
-            found = tally_scan(
-                targets, scored, detector.score_limits, bands=bands, classes=len(classes)
-            )
+            found = tally_scan(targets, scored, detector.score_limits, bands=bands, classes=len(classes))
             tally.add(place * blocks // len(numbers), found)
             if place == shown_place:
                 shown.append((scored.detections, targets.label(scored.detections)))

@@ -123,6 +123,11 @@ class Tally:
         return precision_recall(self.true, self.false, self.found, self.echoes)
 
     @cached_property
+    def ranking(self) -> PrecisionRecall:
+        """Precision of detections and recall of the true ones among them, by threshold: how scores rank them."""
+        return precision_recall(self.true, self.false, self.true, self.true.sum(axis=-1))
+
+    @cached_property
     def map_curve(self) -> PrecisionRecall:
         """Precision and recall of the scored places by threshold."""
         false = self.map_all - self.map_true
@@ -189,9 +194,7 @@ def _counts(
     return np.bincount(flat, minlength=int(np.prod(shape))).reshape(shape)
 
 
-def _objects(
-    instance: NDArray[np.uint32], class_id: NDArray[np.uint8], classes: int
-) -> NDArray[np.int64]:
+def _objects(instance: NDArray[np.uint32], class_id: NDArray[np.uint8], classes: int) -> NDArray[np.int64]:
     """Count different objects by class."""
     _, first = np.unique(instance, return_index=True)
     return np.bincount(class_id[first], minlength=classes)

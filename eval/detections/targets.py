@@ -232,10 +232,10 @@ class Reach:
             bin_m: Length of a bin [m].
 
         Returns:
-            The tolerance; across it is at least one azimuth, and less than half a revolution.
+            The tolerance; across it is at least one azimuth, and at most half a revolution.
         """
         step_m = (np.arange(bins) + 0.5) * bin_m * (2 * math.pi / azimuths)
-        across = np.clip(np.floor(tolerance_m / step_m + 1e-9), 1, max((azimuths - 1) // 2, 1))
+        across = np.clip(np.floor(tolerance_m / step_m + 1e-9), 1, max(azimuths // 2, 1))
         return cls(bins=math.floor(tolerance_m / bin_m + 1e-9), azimuths=across.astype(np.int64))
 
     def from_cells(self, values: NDArray) -> NDArray:

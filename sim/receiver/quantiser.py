@@ -64,3 +64,21 @@ def middle_power(code: ArrayLike) -> NDArray[np.float32]:
     octave, sixths = np.divmod(np.asarray(code, np.uint8), 6)
     counts = np.rint(np.ldexp(1 + sixths.astype(np.float32) / 6, octave.astype(np.int32)))
     return np.where(octave + sixths > 0, counts + (np.float32(0.5) - _ROUNDED), np.float32(LEAST_POWER / 2))
+
+
+def power_width(code: ArrayLike) -> NDArray[np.float32]:
+    """Compute how wide the interval of powers is that are written as a code.
+
+    A code c above 0 begins at the count 2^e (1 + x - e), rounded up, with x = (c - 1/2) / 6 and e = floor(x).
+
+    Args:
+        code: Codes of any shape.
+
+    Returns:
+        Widths of the same shape, float32 [units of written power]; 0 for codes that never occur.
+    """
+    edge = np.zeros(258)
+    step = (np.arange(1, 258) - 0.5) / 6
+    octave = np.floor(step)
+    edge[1:] = np.ceil(np.exp2(octave) * (1 + step - octave)) - float(_ROUNDED)
+    return np.diff(edge).astype(np.float32)[np.asarray(code, np.uint8)]

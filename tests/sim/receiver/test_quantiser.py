@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from echoscape.sim.receiver.quantiser import codes, decibels, middle_power
+from echoscape.sim.receiver.quantiser import codes, decibels, middle_power, power_width
 
 
 def law(count: int) -> int:
@@ -52,3 +52,11 @@ def test_power_in_the_middle_of_a_code_gives_the_code_again() -> None:
     assert_array_equal(codes(middle_power(written)), written)
     strong = written[written > 60].astype(float)  # six codes an octave, bent by 0.26 dB at most
     assert_allclose(10 * np.log10(middle_power(strong)), strong / 6 * 10 * np.log10(2), atol=0.27)
+
+
+def test_width_of_a_code_is_that_of_the_powers_that_have_it() -> None:
+    power = np.linspace(0.0, 200.0, 200 * 1024 + 1)
+    code = codes(power)
+    for each in np.unique(code)[:-1]:  # the last one goes on beyond
+        assert power_width(each) == pytest.approx(np.ptp(power[code == each]), abs=2e-3)
+    assert not power_width([1, 2, 3, 4, 5, 7, 8, 10, 11, 13, 16]).any()
