@@ -1,0 +1,1 @@
+"""What artefacts and faults cost odometry: one trace, many settings, paired differences over drives."""
