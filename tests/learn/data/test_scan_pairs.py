@@ -291,6 +291,7 @@ def test_labels_are_there_where_all_folders_have_truth(folder: Path, tmp_path: P
     simulated = write_simulated(tmp_path / "yard", scans=2)
     item = ScanPairs(simulated, pixel_m=2.0, size=32)[0]
     assert item["source"]["labels"]["component"].shape == item["source"]["codes"].shape == (100, 512)
+    assert "labels" not in ScanPairs(simulated, pixel_m=2.0, size=32, labels=False)[0]["source"]
     assert "labels" not in ScanPairs([simulated, folder], pixel_m=2.0, size=32, codes=False)[0]["source"]
     with pytest.raises(DatasetError, match="drive: has no truth"):
         ScanPairs([simulated, folder], labels=True)
