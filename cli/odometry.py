@@ -33,8 +33,9 @@ class Options:
     """Folder of scans: one of echoscape's, or real ones (Oxford, MulRan, Boreas), with truth or without."""
     out: Path
     """Folder to write to."""
-    method: Literal["learned", "fourier"] = "learned"
-    """learned: keypoints; fourier: phase correlation, which needs no weights and no PyTorch."""
+    method: Literal["learned", "fourier", "cen2018", "cen2019"] = "learned"
+    """learned: keypoints; fourier: phase correlation; cen2018, cen2019: hand-made keypoints. Only the first
+    needs weights and PyTorch."""
     weights: Path | None = None
     """Weights of the learned method; by default the bundled ones."""
     resolution: float | None = None
@@ -139,10 +140,11 @@ def _check(options: Options, words: Sequence[str]) -> None:
 
 def _method(options: Options, folder: "ScanFolder") -> "OdometryMethod[Any]":
     """Return the odometry method for a folder's radar."""
-    if options.method == "fourier":
-        from echoscape.eval.odometry.fourier_mellin import FourierOdometry
+    if options.method != "learned":
+        from echoscape.eval.odometry.methods import build_method, method_choice
 
-        return FourierOdometry(range_offset_m=folder.range_offset_m)
+        choice = method_choice(options.method)
+        return build_method(choice, folder.sensor, range_offset_m=folder.range_offset_m)
     from echoscape.eval.odometry.learned import learned_odometry
     from echoscape.learn.model.weights import chosen_weights
 

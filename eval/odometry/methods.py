@@ -1,6 +1,7 @@
-"""Odometry methods by name, for studies that compare several: phase correlation, and learned keypoints.
+"""Odometry methods by name: phase correlation, hand-made keypoints, and learned keypoints.
 
 fourier                  phase correlation (eval/odometry/fourier_mellin.py)
+cen2018, cen2019         hand-made keypoints (eval/methods)
 learned                  learned keypoints, the coarsest bundled weights, the keyframe solver
 learned-fine             the finest bundled weights
 learned-robust, -paper   another solver, with either weights: learned-fine-robust
@@ -13,7 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from echoscape.eval.methods.keypoint_matcher import KeypointMatcher
+from echoscape.eval.methods.registry import EXTRACTORS
+from echoscape.eval.odometry.fourier_mellin import FourierOdometry
 from echoscape.eval.odometry.interface import OdometryMethod
+from echoscape.eval.odometry.keypoint_odometry import KeypointOdometry
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.sensor.sensor import Sensor
 
@@ -22,7 +27,12 @@ if TYPE_CHECKING:
     from echoscape.learn.model.device import Device
 
 _LEARNED = re.compile(r"learned(?P<fine>-fine)?(?:-(?P<solver>robust|paper))?(?::(?P<file>.+))?")
-METHODS = ("fourier", *(f"learned{fine}{end}" for fine in ("", "-fine") for end in ("", "-robust", "-paper")))
+HAND_MADE = ("fourier", *EXTRACTORS)
+"""The names of methods that nothing was learned for, which need no weights and no PyTorch."""
+METHODS = (
+    *HAND_MADE,
+    *(f"learned{fine}{end}" for fine in ("", "-fine") for end in ("", "-robust", "-paper")),
+)
 """The names, without those that bring weights from a file."""
 
 
@@ -82,7 +92,7 @@ def method_choice(word: str) -> MethodChoice:
     Raises:
         ValueError: There is no such method.
     """
-    if word == "fourier":
+    if word in HAND_MADE:
         return MethodChoice(name=word)
     found = _LEARNED.fullmatch(word)
     if found is None or (found["fine"] and found["file"]):
@@ -117,9 +127,7 @@ def build_method(
     """
     path = choice.weights_file
     if path is None:
-        from echoscape.eval.odometry.fourier_mellin import FourierOdometry
-
-        return FourierOdometry(range_offset_m=range_offset_m)
+        return _hand_made(choice.name, range_offset_m)
     from echoscape.eval.odometry.learned import learned_odometry
 
     # Mean over azimuths: alternating chirps shift every other azimuth the other way, on average by 0.
@@ -130,3 +138,9 @@ def build_method(
         range_offset_m=range_offset_m,
         doppler_beta_s=-float(sensor.doppler_shift_s.mean()),
     )
+
+
+def _hand_made(name: str, range_offset_m: float) -> OdometryMethod[Any]:
+    if name in EXTRACTORS:
+        return KeypointOdometry(KeypointMatcher(EXTRACTORS[name](), range_offset_m=range_offset_m))
+    return FourierOdometry(range_offset_m=range_offset_m)

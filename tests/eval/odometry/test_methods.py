@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from echoscape.eval.odometry.fourier_mellin import FourierOdometry
+from echoscape.eval.odometry.keypoint_odometry import KeypointOdometry
 from echoscape.eval.odometry.methods import METHODS, build_method, method_choice
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.sensor.cts350x import CTS350X
@@ -15,14 +16,16 @@ def test_every_name_is_a_method_of_its_own() -> None:
     choices = [method_choice(name) for name in METHODS]
     assert [each.name for each in choices] == list(METHODS)
     assert len(set(choices)) == len(METHODS)
-    assert [each.name for each in choices if not each.learned] == ["fourier"]
+    assert [each.name for each in choices if not each.learned] == ["fourier", "cen2018", "cen2019"]
 
 
 @pytest.mark.parametrize(
     "name", ["surf", "learned-fast", "learned:", "learned-fine:x.safetensors", "Fourier", ""]
 )
 def test_other_names_are_refused(name: str) -> None:
-    with pytest.raises(ValueError, match=rf"a method must be one of fourier, learned, .*, got {name!r}"):
+    with pytest.raises(
+        ValueError, match=rf"a method must be one of fourier, cen2018, cen2019, learned, .*, got {name!r}"
+    ):
         method_choice(name)
 
 
@@ -31,6 +34,15 @@ def test_phase_correlation_is_built_without_weights() -> None:
     method = build_method(choice, CTS350X, range_offset_m=0.5)
     assert isinstance(method, FourierOdometry)
     assert method.range_offset_m == 0.5
+    assert choice.weights_sha256() is None
+
+
+@pytest.mark.parametrize("name", ["cen2018", "cen2019"])
+def test_hand_made_keypoints_are_built_without_weights(name: str) -> None:
+    choice = method_choice(name)
+    method = build_method(choice, CTS350X, range_offset_m=0.5)
+    assert isinstance(method, KeypointOdometry)
+    assert (method.name, method.matcher.range_offset_m) == (name, 0.5)
     assert choice.weights_sha256() is None
 
 
