@@ -218,7 +218,7 @@ def _show(study: "AblationStudy", rows: "Sequence[AblationRow]", paths: Sequence
 
     console = Console()
     table = Table(
-        "condition", *(f"{each.name} [m]" for each in study.methods), box=None, padding=(0, 2, 0, 0)
+        "condition", *(rf"{each.name} \[m]" for each in study.methods), box=None, padding=(0, 2, 0, 0)
     )
     shown = {
         (row.condition.name, row.method): row for row in rows if row.metric.name == "translation_error_mean"

@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from echoscape.sim.datasets.polar_scan import PolarScan as PolarScan
     from echoscape.sim.datasets.scan_folder import open_folder as open_folder
     from echoscape.sim.effects.echo_filter import EchoFilter as EchoFilter
+    from echoscape.sim.effects.sensor_faults import SensorFaults as SensorFaults
+    from echoscape.sim.effects.sensor_faults import faulty_scans as faulty_scans
     from echoscape.sim.generation.dataset import write_dataset as write_dataset
     from echoscape.sim.sensor.cir204 import CIR204 as CIR204
     from echoscape.sim.sensor.cir304 import CIR304 as CIR304
@@ -26,6 +28,7 @@ else:
             "datasets.polar_scan": ["PolarScan"],
             "datasets.scan_folder": ["open_folder"],
             "effects.echo_filter": ["EchoFilter"],
+            "effects.sensor_faults": ["SensorFaults", "faulty_scans"],
             "generation.dataset": ["write_dataset"],
             "sensor.cir204": ["CIR204"],
             "sensor.cir304": ["CIR304", "CIR304_RT"],

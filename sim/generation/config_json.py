@@ -70,12 +70,14 @@ def config_of(
         The configuration.
 
     Raises:
-        DatasetError: An entry is unknown, missing or wrong, or the mesh of the custom scene is missing or
-            another one; the message names it.
+        DatasetError: An entry is unknown, missing or wrong, the scans have sensor faults, or the mesh of the
+            custom scene is missing or another one; the message names it.
     """
     settings = content.get("config")
     if not isinstance(settings, dict):
         raise DatasetError("config is missing")
+    if "faults" in content:
+        raise DatasetError("faults: scans with sensor faults are made by echoscape ablate")
     if scene is None and settings.get("scene") is not None:
         scene = _recorded_scene(settings["scene"], folder)
     world = {} if scene is None else {"preset": "", "scene": None}

@@ -22,6 +22,8 @@ sys.exit(code)
 """
 """Runs a command in a process that finds no PyTorch, as one in which it is not installed."""
 
+YARD = ["--worlds", "yard:1", "--scans", "2", "--radar", "cts_small", "--artefact", "ghosts=0"]
+
 
 def run(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
@@ -54,6 +56,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
             ["artefacts", "{out}", "--preset", "empty", "--scans", "2", "--only", "leakage"],
             "{out}/leakage.png",
         ),
+        (["ablate", "--out", "{out}", *YARD, "--methods", "fourier"], "{out}/report.html"),
     ],
 )
 def test_a_command_works(words: list[str], file: str, dataset: Path, tmp_path: Path) -> None:
@@ -78,8 +81,12 @@ def test_help_works(command: str) -> None:
 
 @pytest.mark.parametrize(
     "words",
-    [["odometry", "{data}", "--out", "{out}"], ["train", "--data", "{data}", "--out", "{out}"]],
-    ids=["odometry", "train"],
+    [
+        ["odometry", "{data}", "--out", "{out}"],
+        ["train", "--data", "{data}", "--out", "{out}"],
+        ["ablate", "--out", "{out}", *YARD],
+    ],
+    ids=["odometry", "train", "ablate"],
 )
 def test_what_needs_it_says_in_one_line_how_to_get_it(
     words: list[str], dataset: Path, tmp_path: Path

@@ -157,3 +157,9 @@ def test_an_absent_manifest_is_refused_by_name(tmp_path: Path) -> None:
         read_config(tmp_path)
     with pytest.raises(DatasetError, match=r"other\.json: no such file"):
         read_config(tmp_path / "other.json")
+
+
+def test_scans_with_faults_of_the_sensor_are_not_simulated_as_if_they_had_none() -> None:
+    content = json.loads(written(SimulationConfig())) | {"faults": {"clock_jitter": 0.02}}
+    with pytest.raises(DatasetError, match="faults: scans with sensor faults are made by echoscape ablate"):
+        config_of(content)
