@@ -3,10 +3,11 @@
 An options class with a field `config` also takes a TOML file of options, see `cli.config_file`.
 """
 
+import difflib
 import io
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr
 from dataclasses import fields
 from pathlib import Path
@@ -15,7 +16,7 @@ from unittest.mock import patch
 
 import tyro
 
-from echoscape.cli.config_file import ConfigFileError, words_of_config
+from echoscape.cli.config_file import ConfigFileError, option_types, words_of_config
 
 Options = TypeVar("Options")
 
@@ -23,6 +24,16 @@ _HELP = {"-h", "--help"}
 _WIDE = {"COLUMNS": "4000"}
 _FRAME = re.compile(r"^[│╭╰─╮╯ ]+|[│╭╰─╮╯ ]+$")
 _RULE = re.compile(r"[│╭╰─╮╯ -]*")
+_REFUSED_SETTING = re.compile(r"^([\w.-]+)(?= must )")
+_REPHRASED: Mapping[str, str] = {
+    r"(--\S+): invalid literal for int\(\) with base 10: (.*)": r"\1 must be a whole number, got \2",
+    r"(--\S+): could not convert string to float: (.*)": r"\1 must be a number, got \2",
+    r"(--\S+): \w+ must (.*)": r"\1 must \2",
+    r"Missing value for argument '(--\S+)'\..*": r"\1 needs a value",
+}
+"""Sentences of tyro and Python, and what is said instead."""
+_CHOICE = re.compile(r"invalid choice (.*) for argument '(--\S+)'\. Expected one of \((.*)\)\.")
+_WORD_IN_QUOTES = re.compile(r"'([^']*)'")
 
 
 class ArgumentsError(ValueError):
@@ -87,7 +98,23 @@ def parse(kind: type[Options], *, prog: str, words: Sequence[str], default: Opti
     except SystemExit as leaving:
         if not leaving.code:
             raise
-        raise ArgumentsError(_first_sentence(messages.getvalue())) from leaving
+        raise ArgumentsError(_refusal(kind, _first_sentence(messages.getvalue()))) from leaving
+
+
+def in_option_names(kind: type[Any], message: str) -> str:
+    """Name a setting that is refused as on the command line.
+
+    Args:
+        kind: The options class.
+        message: A message, such as "sensor.bandwidth_hz must be above 0, got -1".
+
+    Returns:
+        The message, such as "--sensor.bandwidth-hz must be above 0, got -1"; as it was where it begins with
+        no option.
+    """
+    begins = _REFUSED_SETTING.match(message)
+    option = "" if begins is None else f"--{begins[0].replace('_', '-')}"
+    return f"{option}{message.removeprefix(begins[0])}" if begins and option in _options(kind) else message
 
 
 def option_value(option: str, words: Sequence[str]) -> str | None:
@@ -109,10 +136,52 @@ def option_value(option: str, words: Sequence[str]) -> str | None:
     return value
 
 
+def _options(kind: type[Any]) -> list[str]:
+    """Return all options of a class, such as "--artefacts.ghosts"."""
+
+    def flat(options: Mapping[str, Any], prefix: str) -> list[str]:
+        return [
+            option
+            for name, value in options.items()
+            for option in (
+                flat(value, f"{prefix}{name}.")
+                if isinstance(value, dict)
+                else [f"{prefix}{name}", *([f"--no-{name}"] if value is bool and prefix == "--" else [])]
+            )
+        ]
+
+    has_config = "config" in [field.name for field in fields(kind)]
+    return [*flat(option_types(kind), "--"), *(["--config"] if has_config else [])]
+
+
+def _refusal(kind: type[Any], sentence: str) -> str:
+    """Return what tyro refused in the words of the other messages."""
+    if sentence.startswith("Unrecognized options: "):
+        return _unknown(kind, sentence.removeprefix("Unrecognized options: ").split(", "))
+    for pattern, phrase in _REPHRASED.items():
+        match = re.fullmatch(pattern, sentence)
+        if match:
+            return match.expand(phrase)
+    choice = _CHOICE.fullmatch(sentence)
+    if choice:
+        given, option, choices = choice.groups()
+        return f"{option} must be one of {', '.join(re.findall(_WORD_IN_QUOTES, choices))}, got {given}"
+    return in_option_names(kind, sentence)
+
+
+def _unknown(kind: type[Any], words: Sequence[str]) -> str:
+    """Return what is said of words that are no options, with the most similar option."""
+    options = [word.partition("=")[0] for word in words if word.startswith("-")]
+    if not options:
+        return f"unknown argument {words[0]!r}"
+    similar = difflib.get_close_matches(options[0].replace("_", "-"), _options(kind), n=1)
+    return f"unknown option {options[0]}" + (f"; did you mean {similar[0]}?" if similar else "")
+
+
 def _first_sentence(box: str) -> str:
     """Return the text between the title of tyro's box and its first rule, as one line.
 
-    A value that a settings class refused is named as on the command line: "sensor.bandwidth_hz must be ...".
+    A setting that a class refused is named with its group: "sensor.bandwidth_hz must be ...".
     """
     lines = box.splitlines()[1:]
     while lines and _RULE.fullmatch(lines[0]):
@@ -120,6 +189,6 @@ def _first_sentence(box: str) -> str:
     ends = [number for number, line in enumerate(lines) if _RULE.fullmatch(line)]
     sentence = " ".join(_FRAME.sub("", line) for line in (lines[: ends[0]] if ends else lines))
     sentence = re.sub(
-        r"^Error parsing (?:(?:simulation|training)\.)?(\w+(?:\.\w+)*): (\w+ must )", r"\1.\2", sentence
+        r"^Error parsing (?:(?:simulation|training)\.)?(\w[\w.-]*): (\w+ must )", r"\1.\2", sentence
     )
     return sentence.removeprefix("Error parsing ")

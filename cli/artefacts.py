@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parse
+from echoscape.cli.arguments import in_option_names, parse
 from echoscape.cli.backend_option import load_ray_tracer
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.scene_options import ScanOptions, simulation_config
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str]) -> int:
         options = parse(Options, prog="echoscape artefacts", words=arguments)
         rows, paths = _written(options, arguments)
     except (DatasetError, SceneError, ValueError) as error:
-        return _refuse(str(error))
+        return _refuse(in_option_names(Options, str(error)))
     except OSError as error:
         return _refuse(f"OUT: {error.strerror or error}")
     console = Console()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parse
+from echoscape.cli.arguments import in_option_names, parse
 
 if TYPE_CHECKING:
     from echoscape.eval.odometry.kitti_drift import Drift
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str]) -> int:
         options = parse(Options, prog="echoscape drift", words=arguments)
         found = _drift(options)
     except ValueError as error:  # errors of a file among them
-        print(f"echoscape drift: {error}", file=sys.stderr)
+        print(f"echoscape drift: {in_option_names(Options, str(error))}", file=sys.stderr)
         return 2
     if options.json:
         print(json.dumps(found.as_dict()))

@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parse
+from echoscape.cli.arguments import in_option_names, parse
 from echoscape.cli.progress import ProgressBars
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str]) -> int:
         options = parse(Options, prog="echoscape fidelity", words=arguments)
         result, paths = _measured(options)
     except ValueError as error:  # DatasetError is one
-        return _refuse(str(error))
+        return _refuse(in_option_names(Options, str(error)))
     except OSError as error:
         return _refuse(f"{error.filename or 'OUT'}: {error.strerror or error}")
     console = Console(width=max(Console().width, _LEAST_WIDTH))

@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parse, with_config_file
+from echoscape.cli.arguments import in_option_names, parse, with_config_file
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.torch_setup import check_threads, require_torch, use_threads
 
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str]) -> int:
         _check(options, words)
         result, figures, paths = _run(options)
     except ValueError as error:  # errors of a data set among them
-        return _refuse(str(error), 2)
+        return _refuse(in_option_names(Options, str(error)), 2)
     except OSError as error:
         return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2)
     console = Console()

@@ -7,7 +7,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 
 class ProgressBars:
-    """One progress bar a stage, each shown from the stage's first report on."""
+    """One progress bar a stage, each shown from the stage's first report on.
+
+    After bad input, which raises a ValueError, they are removed, as nothing was made. After other errors they
+    stay, to show how far the work came.
+    """
 
     def __init__(self, console: Console) -> None:
         """Prepare the display.
@@ -28,8 +32,13 @@ class ProgressBars:
     def __enter__(self) -> "ProgressBars":
         return self
 
-    def __exit__(self, *error: object) -> None:
-        if self._bars.live.is_started:  # else it would print an empty line
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        if not self._bars.live.is_started:  # to stop it would print an empty line
+            return
+        if kind is not None and issubclass(kind, ValueError):
+            self._bars.live.transient = True
+            self._bars.live.stop()
+        else:
             self._bars.stop()
 
     def report(self, stage: str, done: int, total: int) -> None:

@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parse
+from echoscape.cli.arguments import in_option_names, parse
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.scene_options import Preset, SimulationOptions, simulation_config
 from echoscape.scenes.io.strict_toml import SceneError
@@ -56,12 +56,12 @@ def main(arguments: Sequence[str]) -> int:
         config = _config(options)
         check_output_folder(options.out, empty=True)
     except ValueError as error:
-        return _refuse(str(error))
+        return _refuse(in_option_names(Options, str(error)))
     try:
         with ProgressBars(Console(stderr=True)) as bars:
             numbers = write_scene(options.out, config, progress=bars.report)
     except (DatasetError, SceneError) as error:
-        return _refuse(str(error))
+        return _refuse(in_option_names(Options, str(error)))
     except OSError as error:
         return _refuse(f"OUT: {error.strerror or error}")
     console = Console()

@@ -11,7 +11,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import ArgumentsError, option_value, parse, with_config_file
+from echoscape.cli.arguments import ArgumentsError, in_option_names, option_value, parse, with_config_file
 from echoscape.cli.backend_option import load_ray_tracer
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.scene_options import SimulationOptions, simulation_config
@@ -79,7 +79,7 @@ def main(arguments: Sequence[str]) -> int:
         _check(options)
         load_ray_tracer(options.backend, words)  # raises before anything is written
     except (DatasetError, ValueError) as error:
-        return _refuse(str(error), 2)
+        return _refuse(in_option_names(Options, str(error)), 2)
     except OSError as error:
         return _refuse(f"OUT: {error.strerror}", 2)
     return _simulate(options, config)
@@ -147,7 +147,7 @@ def _simulate(options: Options, config: SimulationConfig) -> int:
         begun = (options.out / "echoscape.json").exists()
         return _refuse(f"interrupted; {'add --resume to continue' if begun else 'nothing was written'}", 130)
     except (DatasetError, SceneError) as error:
-        return _refuse(str(error), 2)
+        return _refuse(in_option_names(Options, str(error)), 2)
     except WorkerError as error:
         return _refuse(f"{error}\nThe scans made so far are complete; add --resume to continue.", 1)
     except OSError as error:

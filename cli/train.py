@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 from rich.console import Console
 
-from echoscape.cli.arguments import parse, with_config_file
+from echoscape.cli.arguments import in_option_names, parse, with_config_file
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.torch_setup import check_threads, idle_cores, require_torch, use_threads
 from echoscape.learn.data.image_settings import ImageSettings
@@ -92,7 +92,7 @@ def main(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         return _refuse("interrupted; add --resume to continue from the last checkpoint", 130)
     except ValueError as error:  # errors of a data set among them
-        return _refuse(str(error), 2)
+        return _refuse(in_option_names(Options, str(error)), 2)
     except OSError as error:
         return _refuse(f"{error.filename or 'OUT'}: {error.strerror or error}", 1)
 

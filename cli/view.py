@@ -10,7 +10,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from echoscape.cli.arguments import parse
+from echoscape.cli.arguments import in_option_names, parse
 from echoscape.cli.progress import ProgressBars
 
 _MAILABLE_MB = 20.0
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str]) -> int:
         options = parse(Options, prog="echoscape view", words=arguments)
         out = _written(options)
     except ValueError as error:  # errors of a data set among them
-        return _refuse(str(error))
+        return _refuse(in_option_names(Options, str(error)))
     except OSError as error:
         return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error))
     _say(out)
