@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.testing.golden_file import Golden, GoldenError, read_golden, versions, write_golden
 
-OTHER_VERSIONS = {"max_share": 1e-4, "max_codes": 6}
+OTHER_VERSIONS: Mapping[str, float] = {"max_share": 1e-4, "max_codes": 6}
 """Tolerance for scans of other versions of NumPy and SciPy, which move 3e-5 of the cells by up to 6 codes."""
 
 _NAME = re.compile(r"[\w][\w.-]*")
@@ -127,7 +127,8 @@ class GoldenScans:
     def _advice(self, path: Path) -> str:
         if path in self._writers:
             return f"it was stored in this run by {self._writers[path]}: each scan needs a name of its own"
-        return f'to store what the test makes now: pytest "{self._test}" --radar-update-golden'
+        how = f'pytest "{self._test}" --radar-update-golden' if self._test else "update=True"
+        return f"to store what the test makes now: {how}"
 
 
 def _check_limits(max_share: float | None, max_codes: int | None) -> None:

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 _CODE = ("scenes", "sim", "testing")
 _TRACER = ("drjit", "mitsuba", "karellen-llvm-core")
 _CORNER_M = 0.083
-"""Edge of the corner reflector [m]: 11 dBsm at 76.5 GHz, far above the ground and below compression. By default
-its level at 30 m lies so between two codes that the bin of the peak has the larger one alone."""
+"""Edge of the corner reflector [m]: 11 dBsm at 76.5 GHz, far above the ground and below compression. At 30 m
+its level lies so between two codes of the small radar that one bin alone has the larger one."""
 _NEAREST_M = 5.0
 """Least range of a target [m]: nearer ones are near the leakage and below the beam."""
 
@@ -280,6 +280,8 @@ def _simulated_target(settings: ScanSettings, range_m: float | None, bearing_rad
         bearing_rad = float(sensor.azimuth_rad[np.argmin(np.abs(sensor.azimuth_rad - 0.6))])
     if not _NEAREST_M <= range_m < sensor.range_m:
         raise ValueError(f"range_m must be between {_NEAREST_M:g} and {sensor.range_m:g}, got {range_m:g}")
+    if not math.isfinite(bearing_rad):
+        raise ValueError(f"bearing_rad must be finite, got {bearing_rad}")
     plane = build_town("empty", seed=settings.seed)
     start = plan_ego_drive(plane, seed=settings.seed, duration_s=1.0).pose(np.array(0.0))
     away_rad = float(start[3]) - bearing_rad
