@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.core.checks import check_whole
 from echoscape.scenes.core.scene import Mover, Scene
 from echoscape.scenes.core.surroundings import reached_area, surroundings
 from echoscape.sim.datasets.polar_scan import PolarScan, ScanTruth
@@ -115,10 +116,9 @@ class Simulator:
             surfaces: Changes to the roughness of the materials; None is none.
 
         Raises:
-            ValueError: `seed` is negative.
+            ValueError: `seed` is no whole number of 0 or more.
         """
-        if seed < 0:
-            raise ValueError(f"seed must be 0 or more, got {seed}")
+        check_whole(seed=seed)
         self.sensor = sensor
         self.artefacts = artefacts or Artefacts()
         self.instance_class = instance_classes(scene, movers)
@@ -149,7 +149,7 @@ class Simulator:
             When each azimuth is measured.
 
         Raises:
-            ValueError: `index` is negative.
+            ValueError: `index` is no whole number of 0 or more.
         """
         return self._timeline.revolution(index)
 
@@ -163,7 +163,7 @@ class Simulator:
             Its echoes under the artefacts of the simulator, before the receiver.
 
         Raises:
-            ValueError: `index` is negative.
+            ValueError: `index` is no whole number of 0 or more.
         """
         propagation = self._propagate(index, [self.artefacts], Selection())
         return scaled_echoes(propagation.echoes, self.artefacts, self.sensor)
@@ -192,8 +192,8 @@ class Simulator:
             The scan with its truth.
 
         Raises:
-            ValueError: `index` is negative, a filter is not an `EchoFilter`, or `echoes` were traced for
-                another scan or seed.
+            ValueError: `index` is no whole number of 0 or more, a filter is not an `EchoFilter`, or `echoes`
+                were traced for another scan or seed.
         """
         origin = Origin(scan=index, seed=self._seed)
         if echoes is not None and echoes.origin not in (None, origin):
@@ -217,7 +217,7 @@ class Simulator:
             One scan per setting, in order. Settings of the same strengths share one scan.
 
         Raises:
-            ValueError: `index` is negative.
+            ValueError: `index` is no whole number of 0 or more.
         """
         return self._simulate(index, settings, filters=Selection(), truth=truth)
 
@@ -235,6 +235,7 @@ class Simulator:
 
         `echoes`, where given, stand for traced echoes under the artefacts of the only setting.
         """
+        check_whole(index=index)
         # None may stand for a number, so settings are compared by their strengths.
         strengths = [each.strengths(self.sensor) for each in settings]
         noise = self._noise(index)

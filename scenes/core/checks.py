@@ -1,4 +1,4 @@
-"""Range checks for the fields of settings.
+"""Checks of settings and arguments.
 
 The error messages name the field, the range allowed and the value given. Non-finite values are always
 refused.
@@ -6,6 +6,7 @@ refused.
 
 import math
 from itertools import pairwise
+from numbers import Integral
 
 
 def check_between(settings: object, **limits: tuple[float, float]) -> None:
@@ -23,6 +24,23 @@ def check_between(settings: object, **limits: tuple[float, float]) -> None:
         for value in found if isinstance(found, tuple) else (found,):
             if not least <= value <= most:
                 raise ValueError(f"{name} must be between {least:g} and {most:g}, got {value:g}")
+
+
+def check_whole(*, least: int | None = 0, **values: object) -> None:
+    """Check that arguments are whole numbers.
+
+    Args:
+        least: Smallest number allowed; None is any.
+        **values: The arguments by name.
+
+    Raises:
+        ValueError: A value is no whole number, or below `least`.
+    """
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, Integral):
+            raise ValueError(f"{name} must be a whole number, got {value!r}")
+        if least is not None and int(value) < least:
+            raise ValueError(f"{name} must be {least} or more, got {value}")
 
 
 def check_ascending(settings: object, *names: str, above_zero: bool = True) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import root_scalar
 
-from echoscape.scenes.core.checks import check_between
+from echoscape.scenes.core.checks import check_between, check_whole
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.core.scene import Scene
 from echoscape.scenes.core.trajectory import Trajectory
@@ -158,8 +158,10 @@ def plan_ego_drive(
         The drive.
 
     Raises:
-        ValueError: Not exactly one of `duration_s` and `length_m` is given, or it is out of range.
+        ValueError: Not exactly one of `duration_s` and `length_m` is given, or it is out of range; or the
+            seed is no whole number of 0 or more.
     """
+    check_whole(seed=seed)
     _check_span(duration_s, length_m)
     settings = settings or DriveSettings()
     roads = scene.roads if isinstance(scene, Scene) else scene

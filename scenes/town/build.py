@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from echoscape.scenes.assets.street_furniture import furniture_prototypes
 from echoscape.scenes.assets.vegetation import tree_prototypes
 from echoscape.scenes.assets.vehicles import vehicle_prototypes
+from echoscape.scenes.core.checks import check_whole
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.core.scene import Scene
 from echoscape.scenes.roads.ground_mesh import (
@@ -51,8 +52,9 @@ def build_town(preset: str = "town", *, seed: int) -> Scene:
         The scene, without movers.
 
     Raises:
-        ValueError: The preset is unknown.
+        ValueError: The preset is unknown, or the seed no whole number of 0 or more.
     """
+    check_whole(seed=seed)
     if preset not in PRESETS:
         raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {preset!r}")
     settings = PRESETS[preset]

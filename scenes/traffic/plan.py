@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from echoscape.scenes.assets.vehicles import vehicle_prototypes
-from echoscape.scenes.core.checks import check_between
+from echoscape.scenes.core.checks import check_between, check_whole
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.core.scene import Mover, Prototype, Scene
 from echoscape.scenes.core.trajectory import Trajectory
@@ -73,7 +73,11 @@ def plan_traffic(
 
     Returns:
         The movers; their instance ids follow those of the scene.
+
+    Raises:
+        ValueError: The seed is no whole number of 0 or more.
     """
+    check_whole(seed=seed)
     settings = settings or TrafficSettings()
     kinds: dict[str, list[Prototype]] = {}
     for prototype in vehicle_prototypes() if prototypes is None else prototypes:

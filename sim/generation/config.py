@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 
+from echoscape.scenes.core.checks import check_whole
 from echoscape.scenes.driving.ego_drive import DURATION_RANGE_S, DriveSettings
 from echoscape.scenes.io.target_toml import AnyTarget
 from echoscape.scenes.io.user_scene import UserScene
@@ -72,12 +73,10 @@ class SimulationConfig:
             _check_default("drive", self.drive, "which brings its drive")
         if self.scene is None and self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
-        if self.seed < 0:
-            raise ValueError(f"seed must be 0 or more, got {self.seed}")
+        check_whole(seed=self.seed)
+        check_whole(scans=self.scans, least=1)
         if self.layout is not None and self.layout not in LAYOUTS:
             raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {self.layout!r}")
-        if self.scans < 1:
-            raise ValueError(f"scans must be 1 or more, got {self.scans}")
         if not 0 <= self.sensor.rotation_jitter_s < 0.1 / self.sensor.rotation_hz:
             raise ValueError(
                 "sensor.rotation_jitter_s must be 0 or more and below a tenth of a revolution, "

@@ -6,6 +6,7 @@ later read the folder that `echoscape simulate` writes.
 
 from functools import lru_cache
 
+from echoscape.scenes.core.checks import check_whole
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.generation.config import DEFAULT_PRESET, SimulationConfig
 from echoscape.sim.generation.setup import SceneSetup, add_traffic, build_scene
@@ -44,6 +45,8 @@ def scan(
     Raises:
         ValueError: `index` is not below `scans`, or another argument cannot be simulated.
     """
+    check_whole(scans=scans, least=1)
+    check_whole(index=index, least=None)
     if not 0 <= index < scans:
         raise ValueError(f"index must be from 0 to scans - 1 ({scans - 1}), got {index}")
     config = SimulationConfig(

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from echoscape.scenes.core.checks import check_whole
 from echoscape.scenes.core.scene import Mover
 from echoscape.scenes.core.trajectory import Trajectory
 from echoscape.sim.kinematics.rolling_scan import (
@@ -64,10 +65,9 @@ class Timeline:
             Start, period and number of its azimuths.
 
         Raises:
-            ValueError: `index` is negative.
+            ValueError: `index` is no whole number of 0 or more.
         """
-        if index < 0:
-            raise ValueError(f"index must be 0 or more, got {index}")
+        check_whole(index=index)
         if index >= len(self._revolutions):
             rng = np.random.default_rng(np.random.SeedSequence([self._seed, 0, _REVOLUTIONS_STAGE]))
             count = max(_LEAST_REVOLUTIONS, 2 * index)

@@ -1,6 +1,7 @@
 """One pipeline: settings that share steps get the bytes of separate simulators, and each step runs once."""
 
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -136,6 +137,14 @@ def test_scans_in_any_order_are_the_same(together: list[PolarScan]) -> None:
     made.scan(4)
     again = made.scan(1)
     np.testing.assert_array_equal(again.codes, together[0].codes)
+
+
+@pytest.mark.parametrize("index", [1.5, -1, "2"])
+def test_scans_are_counted_in_whole_numbers_from_zero(index: Any) -> None:
+    made = simulator()
+    for simulate in (made.scan, made.echoes, made.revolution):
+        with pytest.raises(ValueError, match=r"^index must be (a whole number|0 or more), got "):
+            simulate(index)
 
 
 def test_given_echoes_are_not_traced_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from echoscape.scenes.driving.ego_drive import DriveSettings
+from echoscape.scenes.driving.ego_drive import DriveSettings, plan_ego_drive
 from echoscape.scenes.driving.route import RouteSettings
 from echoscape.scenes.driving.speed_profile import SpeedSettings, triangular_quantile
-from echoscape.scenes.traffic.plan import TrafficSettings
+from echoscape.scenes.town.build import build_town
+from echoscape.scenes.traffic.plan import TrafficSettings, plan_traffic
 
 CANNOT_BE = [
     (SpeedSettings, {"stop_chance": 2.0}),
@@ -56,3 +57,25 @@ def test_unusual_but_valid_settings_are_accepted() -> None:
 
 def test_distribution_without_width_has_one_value() -> None:
     assert_array_equal(triangular_quantile(np.linspace(0, 1, 5), 5.0, 5.0, 5.0), np.full(5, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("seed", "message"),
+    [
+        (1.5, "seed must be a whole number, got 1.5"),
+        ("7", "seed must be a whole number, got '7'"),
+        (True, "seed must be a whole number, got True"),
+        (-1, "seed must be 0 or more, got -1"),
+    ],
+)
+def test_seeds_are_whole_numbers(seed: Any, message: str) -> None:
+    numpy_seed: Any = np.int64(1)
+    town = build_town("empty", seed=numpy_seed)
+    drive = plan_ego_drive(town, seed=1, duration_s=1.0)
+    for build in (
+        lambda: build_town("empty", seed=seed),
+        lambda: plan_ego_drive(town, seed=seed, duration_s=1.0),
+        lambda: plan_traffic(town, drive, seed=seed),
+    ):
+        with pytest.raises(ValueError, match=f"^{message}$"):
+            build()

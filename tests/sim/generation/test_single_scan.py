@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -35,3 +36,10 @@ def test_index_outside_of_the_drive_is_refused(index: int) -> None:
 def test_unknown_preset_is_refused() -> None:
     with pytest.raises(ValueError, match="preset must be one of"):
         scan("moon", seed=1)
+
+
+@pytest.mark.parametrize("name", ["seed", "index", "scans"])
+@pytest.mark.parametrize("value", [1.5, "1", True, None])
+def test_what_counts_must_be_whole(name: str, value: Any) -> None:
+    with pytest.raises(ValueError, match=f"^{name} must be a whole number, got {value!r}$"):
+        scan("empty", **{"seed": 1, name: value})
