@@ -13,7 +13,7 @@ _POWER_ITERATIONS = 50
 """Iterations for the principal eigenvector, of which only the order of the elements is used."""
 
 
-def most_alike(earlier: NDArray[np.float64], later: NDArray[np.float64]) -> NDArray[np.int64]:
+def most_alike(earlier: NDArray[np.floating], later: NDArray[np.floating]) -> NDArray[np.int64]:
     """Match keypoints by their descriptors.
 
     Args:
@@ -27,7 +27,7 @@ def most_alike(earlier: NDArray[np.float64], later: NDArray[np.float64]) -> NDAr
 
 
 def compatibility(
-    earlier_m: NDArray[np.float64], later_m: NDArray[np.float64], tolerance_m: float
+    earlier_m: NDArray[np.floating], later_m: NDArray[np.floating], tolerance_m: float
 ) -> NDArray[np.float64]:
     """Compute how well pairs of matches agree: a rigid motion keeps the distance of two points.
 
@@ -45,7 +45,7 @@ def compatibility(
     return agreement
 
 
-def compatible_set(agreement: NDArray[np.float64], target: NDArray[np.int64]) -> NDArray[np.int64]:
+def compatible_set(agreement: NDArray[np.floating], target: NDArray[np.int64]) -> NDArray[np.int64]:
     """Select matches that agree with each other, each target once.
 
     Matches are taken in the order of the principal eigenvector v of the compatibility W, while that raises
@@ -68,7 +68,7 @@ def compatible_set(agreement: NDArray[np.float64], target: NDArray[np.int64]) ->
     return order[: int(np.argmax(reward)) + 1]
 
 
-def principal_eigenvector(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def principal_eigenvector(matrix: NDArray[np.floating]) -> NDArray[np.float64]:
     """Approximate the eigenvector of the largest eigenvalue by power iteration.
 
     Args:

@@ -29,7 +29,7 @@ class RansacSettings:
             raise ValueError(f"samples must be 1 or more, got {self.samples}")
 
 
-def fit_motions(earlier_m: NDArray[np.float64], later_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def fit_motions(earlier_m: NDArray[np.floating], later_m: NDArray[np.floating]) -> NDArray[np.float64]:
     """Compute the motions that move points onto points with the least sum of squares.
 
     Args:
@@ -49,7 +49,7 @@ def fit_motions(earlier_m: NDArray[np.float64], later_m: NDArray[np.float64]) ->
 
 
 def distances(
-    motions: NDArray[np.float64], earlier_m: NDArray[np.float64], later_m: NDArray[np.float64]
+    motions: NDArray[np.floating], earlier_m: NDArray[np.floating], later_m: NDArray[np.floating]
 ) -> NDArray[np.float64]:
     """Compute how far motions leave later points from their matches.
 
@@ -65,8 +65,8 @@ def distances(
 
 
 def ransac_motion(
-    earlier_m: NDArray[np.float64],
-    later_m: NDArray[np.float64],
+    earlier_m: NDArray[np.floating],
+    later_m: NDArray[np.floating],
     settings: RansacSettings | None = None,
     *,
     rng: np.random.Generator,

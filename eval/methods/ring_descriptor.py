@@ -30,7 +30,7 @@ class RingSettings:
 
 
 def ring_descriptors(
-    points_m: NDArray[np.float64], settings: RingSettings | None = None
+    points_m: NDArray[np.floating], settings: RingSettings | None = None
 ) -> NDArray[np.float64]:
     """Describe keypoints by the distances of all others.
 
