@@ -11,7 +11,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import ArgumentsError, option_value, parse, with_config_file
+from echoscape.cli.arguments import ArgumentsError, in_option_names, option_value, parse, with_config_file
 from echoscape.cli.backend_option import load_ray_tracer
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.scene_options import Preset, SimulationOptions
@@ -29,6 +29,9 @@ from echoscape.sim.sensor.registry import sensor_from
 if TYPE_CHECKING:
     from echoscape.eval.ablation.study.settings import AblationStudy
     from echoscape.eval.ablation.study.tables import AblationRow
+
+_FILE_COLUMNS = 200
+"""Columns of a table that goes into a file or a pipe."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +119,7 @@ def main(arguments: Sequence[str]) -> int:
     except WorkerError as error:
         return _refuse(str(error), 1)
     except (DatasetError, SceneError, ValueError) as error:
-        return _refuse(str(error), 2)
+        return _refuse(in_option_names(Options, str(error)), 2)
     except OSError as error:
         return _refuse(f"OUT: {error.strerror or error}", 2)
     _show(study, rows, paths)
@@ -216,7 +219,7 @@ def _show(study: "AblationStudy", rows: "Sequence[AblationRow]", paths: Sequence
     from echoscape.eval.ablation.study.bootstrap import caution
     from echoscape.eval.ablation.study.tables import condition_label, difference_text
 
-    console = Console()
+    console = Console() if sys.stdout.isatty() else Console(width=_FILE_COLUMNS, height=_FILE_COLUMNS)
     table = Table(
         "condition", *(rf"{each.name} \[m]" for each in study.methods), box=None, padding=(0, 2, 0, 0)
     )

@@ -68,7 +68,7 @@ def summary_figure(study: AblationStudy, rows: Sequence[AblationRow]) -> bytes:
         labels = [condition_label(each) for each in changed] if column == 0 else []
         axes.set_yticks(range(len(changed)), labels=labels or [""] * len(changed), color=INK)
         axes.set_ylim(len(changed) - 0.5, -0.5)
-    _headed(figure, study, "What each artefact costs", height, left=0.02)
+    _headed(figure, study, "What each artefact costs", "filled: the interval leaves out 0", left=0.02)
     return png_bytes(figure)
 
 
@@ -87,27 +87,30 @@ def curves_figure(study: AblationStudy, rows: Sequence[AblationRow]) -> bytes:
         return summary_figure(study, rows)
     columns = min(_COLUMNS, len(names))
     blocks = math.ceil(len(names) / columns)
-    height = 0.9 + 4.4 * blocks
-    figure = new_page(max(3.4 * columns + 0.6, 7.0), height)
+    width, height = max(3.5 * columns + 0.75, 7.5), 0.7 + 4.3 * blocks
+    figure = new_page(width, height)
     grid = figure.add_gridspec(
-        2 * blocks,
+        blocks,
         columns,
-        left=0.7 / figure.get_figwidth(),
-        right=0.98,
-        top=1 - 0.95 / height,
+        left=1.0 / width,
+        right=1 - 0.45 / width,
+        top=1 - 1.15 / height,
         bottom=0.45 / height,
-        wspace=0.3,
-        hspace=0.38,
+        wspace=0.32,
+        hspace=0.3,
     )
     for place, name in enumerate(names):
+        pair = grid[place // columns, place % columns].subgridspec(2, 1, hspace=0.1)
         for line, metric_name in enumerate(_METRICS):
-            axes = figure.add_subplot(grid[2 * (place // columns) + line, place % columns])
+            axes = figure.add_subplot(pair[line])
             what, unit = metric_name.split("_")[0], metric(metric_name).unit
             style_curves(axes, "", f"{what} [{unit}]" if place % columns == 0 else "")
+            axes.yaxis.set_label_coords(-0.27, 0.5)
             if line == 0:
                 axes.set_title(name.replace("_", " "), size=12, color=INK, loc="left")
             _draw_curve(axes, study, name, [row for row in rows if row.metric.name == metric_name])
-    _headed(figure, study, "Difference in the mean error of a pair", height, left=0.7 / figure.get_figwidth())
+            axes.tick_params(labelbottom=line > 0)
+    _headed(figure, study, "Difference in the mean error of a pair", "dotted: default", left=1.0 / width)
     return png_bytes(figure)
 
 
@@ -182,15 +185,16 @@ def _draw_curve(axes: Axes, study: AblationStudy, name: str, rows: Sequence[Abla
     axes.margins(x=0.12)
 
 
-def _headed(figure: Figure, study: AblationStudy, title: str, height: float, *, left: float) -> None:
+def _headed(figure: Figure, study: AblationStudy, title: str, remark: str, *, left: float) -> None:
     """Write title, legend and what intervals are above the axes."""
+    width, height = figure.get_size_inches()
     figure.text(left, 1 - 0.33 / height, title, size=17, color=INK, weight="bold", va="center")
     x = left
     for number, method in enumerate(study.methods):
         colour = _COLOURS[number % len(_COLOURS)]
         figure.text(x, 1 - 0.66 / height, f"● {method.name}", size=11, color=colour, va="center")
-        x += (0.35 + 0.1 * len(method.name)) / figure.get_figwidth()
+        x += (0.35 + 0.1 * len(method.name)) / width
     drives = len(study.drives)
-    few = "; too few drives for 95 %" if caution(drives) else ""
-    text = f"{drives} drives of {study.scans} scans, bars: 95 % over drives{few}"
-    figure.text(0.98, 1 - 0.66 / height, text, size=10, color=FAINT, va="center", ha="right")
+    few = ", too few for 95 %" if caution(drives) else ""
+    text = f"{drives} drives of {study.scans} scans; bars: 95 % over drives{few}; {remark}"
+    figure.text(1 - 0.3 / width, 1 - 0.66 / height, text, size=10, color=FAINT, va="center", ha="right")
