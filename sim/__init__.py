@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from echoscape.sim.sensor.cir304 import CIR304 as CIR304
     from echoscape.sim.sensor.cir304 import CIR304_RT as CIR304_RT
     from echoscape.sim.sensor.cts350x import CTS350X as CTS350X
+    from echoscape.sim.sensor.cts_small import CTS_SMALL as CTS_SMALL
     from echoscape.sim.sensor.sensor import Sensor as Sensor
     from echoscape.sim.settings.artefacts import Artefacts as Artefacts
     from echoscape.sim.simulator import Simulator as Simulator
@@ -33,6 +34,7 @@ else:
             "sensor.cir204": ["CIR204"],
             "sensor.cir304": ["CIR304", "CIR304_RT"],
             "sensor.cts350x": ["CTS350X"],
+            "sensor.cts_small": ["CTS_SMALL"],
             "sensor.sensor": ["Sensor"],
             "settings.artefacts": ["Artefacts"],
             "simulator": ["Simulator"],

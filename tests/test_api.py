@@ -15,7 +15,14 @@ import echoscape
 from tests.paths import ROOT
 
 HEAVY = ("torch", "drjit", "mitsuba", "matplotlib")
-PACKAGES = ("echoscape", "echoscape.scenes", "echoscape.sim", "echoscape.learn", "echoscape.eval")
+PACKAGES = (
+    "echoscape",
+    "echoscape.scenes",
+    "echoscape.sim",
+    "echoscape.learn",
+    "echoscape.eval",
+    "echoscape.testing",
+)
 NAMES = [f"{package}.{name}" for package in PACKAGES for name in import_module(package).__all__]
 PAGE = (ROOT / "docs" / "api.md").read_text()
 
@@ -99,9 +106,10 @@ def test_unknown_names_are_refused() -> None:
         getattr(echoscape, "nothing")  # noqa: B009
 
 
-@pytest.mark.parametrize("name", ["Odometry", "KeypointModel"])
+@pytest.mark.parametrize("name", ["Odometry", "KeypointModel", "learn.ScanPairs", "learn.KeypointDetector"])
 def test_without_torch_the_error_says_how_to_install_it(name: str) -> None:
     code = f"import sys; sys.modules['torch'] = None; import echoscape; echoscape.{name}"
+    name = name.removeprefix("learn.")
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
     )
