@@ -1,8 +1,9 @@
 """Constant false alarm rate (CFAR) along range: a cell is detected where it exceeds its surroundings.
 
-The noise of a cell is estimated from training cells on both sides, beyond guard cells. Sources: cell averaging,
-Finn & Johnson, RCA Review 29(3), 1968; order statistics, Rohling, IEEE Trans. AES 19(4), 1983. Both hold for a
-square-law detector: codes are converted to power, which is exponentially distributed where there is only noise.
+The noise of a cell is estimated from training cells on both sides, beyond guard cells. Sources: cell
+averaging, Finn & Johnson, RCA Review 29(3), 1968; order statistics, Rohling, IEEE Trans. AES 19(4), 1983.
+Both hold for a square-law detector: codes are converted to power, which is exponentially distributed where
+there is only noise.
 """
 
 import math
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from echoscape.eval.detections.interface import ScoredScan, cells_of
 from echoscape.sim.datasets.polar_scan import PolarScan
@@ -113,7 +114,7 @@ def ordered_factor(false_alarm_rate: float, *, cells: int, rank: int) -> float:
         rate = ordered_false_alarm_rate(math.exp(log_factor), cells=cells, rank=rank)
         return math.log(rate) - math.log(false_alarm_rate)
 
-    return math.exp(brentq(excess, -30.0, 700.0 / rank, xtol=1e-12))
+    return math.exp(root_scalar(excess, bracket=(-30.0, 700.0 / rank), xtol=1e-12).root)
 
 
 def noise_correlation(sensor: Sensor) -> NDArray[np.float64]:
@@ -219,17 +220,18 @@ class Cfar:
         sums = np.pad(np.cumsum(power, axis=1, dtype=np.float64), ((0, 0), (1, 0)))
         bins = power.shape[1]
         near, far = self._windows(bins)
-        total = sum(sums[:, stop] - sums[:, start] for start, stop in (near, far))
-        lengths = [stop - start for start, stop in (near, far)]
-        independent = sum(lengths) ** 2 / sum(self._variance(length) for length in lengths)
-        return total / sum(lengths), averaging_factor(independent, self.settings.false_alarm_rate)
+        total = sums[:, near[1]] - sums[:, near[0]] + sums[:, far[1]] - sums[:, far[0]]
+        nearer, farther = near[1] - near[0], far[1] - far[0]
+        cells = nearer + farther
+        independent = cells**2 / (self._variance(nearer) + self._variance(farther))
+        return total / cells, averaging_factor(independent, self.settings.false_alarm_rate)
 
-    def _windows(self, bins: int) -> tuple[tuple[NDArray, NDArray], tuple[NDArray, NDArray]]:
-        """Return the first bin and the end of both windows of every bin (bins,)."""
-        at = np.arange(bins)
-        near = at - self._guard - self._training, at - self._guard
-        far = at + self._guard + 1, at + self._guard + 1 + self._training
-        return tuple(tuple(np.clip(edge, 0, bins) for edge in each) for each in (near, far))  # type: ignore
+    def _windows(self, bins: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the first bin and the end (2, bins) of the nearer and of the farther window of every bin."""
+        at, beyond = np.arange(bins), np.arange(bins) + self._guard + 1
+        near = np.stack([at - self._guard - self._training, at - self._guard])
+        far = np.stack([beyond, beyond + self._training])
+        return np.clip(near, 0, bins), np.clip(far, 0, bins)
 
     def _variance(self, length: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the variance of the sum of so many neighbouring cells, that of one being 1."""

@@ -1,4 +1,4 @@
-"""The figure of judged detectors: curves, recall by range, causes of false alarms, and one scan of each method."""
+"""The figure of judged detectors: curves, recall by range, causes of false alarms, and one scan a method."""
 
 from collections.abc import Sequence
 
@@ -82,8 +82,8 @@ def _caption(page: Figure, result: DetectionResult, height_in: float) -> None:
     page.text(0.022, y, "Detections", size=25, color=INK, weight="bold", **style)
     targets = "direct static echoes" if result.settings.targets == "static" else "direct echoes"
     text = (
-        f"{result.folder}   ·   {result.scans} scans   ·   {targets}, {result.near_m:.0f} to {result.far_m:.0f} m"
-        f"   ·   true within {result.settings.tolerance_m:g} m"
+        f"{result.folder}   ·   {result.scans} scans   ·   {targets}, {result.near_m:.0f} to "
+        f"{result.far_m:.0f} m   ·   true within {result.settings.tolerance_m:g} m"
     )
     page.text(0.978, y, text, size=13, color=FAINT, ha="right", **style)
 
@@ -187,7 +187,7 @@ def _places(result: DetectionResult, method: JudgedMethod) -> tuple[NDArray[np.f
 
 def _legend(page: Figure, result: DetectionResult, height_in: float) -> None:
     """Write what the colours of detections mean, those that occur only."""
-    counts = sum(method.blocks.total.labels.sum(axis=-1) for method in result.methods)
+    counts = np.sum([method.blocks.total.labels.sum(axis=-1) for method in result.methods], axis=0)
     present = [label for number, label in enumerate(LABELS) if counts[number]]
     shown = [label for label in LABEL_COLOURS if label in present]
     true = "direct, static" if result.settings.targets == "static" else "direct"

@@ -6,7 +6,7 @@ time and pose, so that neither the motion of the car during a scan nor a Doppler
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +83,7 @@ class Detector(Protocol):
         ...
 
 
-def cells_of(mask: NDArray[np.bool_], score: NDArray[np.floating], bin_m: float) -> Detections:
+def cells_of(mask: NDArray[np.bool_], score: NDArray[Any], bin_m: float) -> Detections:
     """Return the cells of a mask as detections at the centres of their bins.
 
     Args:
@@ -97,7 +97,7 @@ def cells_of(mask: NDArray[np.bool_], score: NDArray[np.floating], bin_m: float)
     azimuth, bins = np.nonzero(mask)
     return Detections(
         azimuth=azimuth,
-        range_m=(bins + 0.5) * bin_m,
+        range_m=((bins + 0.5) * bin_m).astype(np.float64),
         score=score[azimuth, bins].astype(np.float64),
     )
 
@@ -116,10 +116,11 @@ def polar_detections(
         The detections, each at the azimuth whose direction is nearest.
     """
     azimuths = len(scan.encoder)
-    forward, right = np.asarray(points_m, np.float64).reshape(-1, 2).T
+    points = np.asarray(points_m, np.float64).reshape(-1, 2)
+    forward, right = points[:, 0], points[:, 1]
     steps = (np.arctan2(right, forward) - scan.first_azimuth_rad) * (azimuths / (2 * math.pi))
     return Detections(
         azimuth=np.rint(steps).astype(np.int64) % azimuths,
-        range_m=np.hypot(forward, right),
+        range_m=np.asarray(np.hypot(forward, right), np.float64),
         score=np.asarray(score, np.float64),
     )

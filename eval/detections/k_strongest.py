@@ -1,7 +1,7 @@
 """The k strongest cells of every azimuth above a floor.
 
-Source: Adolfsson et al., "Lidar-level localization with radar? The CFEAR approach", IEEE T-RO 39(2), 2023: 40 cells
-with codes of 60 or more.
+Source: Adolfsson et al., "Lidar-level localization with radar? The CFEAR approach", IEEE T-RO 39(2), 2023: 40
+cells with codes of 60 or more.
 """
 
 import math

@@ -1,7 +1,7 @@
 """The keypoints of learned odometry as detections, with the scores of the network.
 
-Source: Barnes & Posner, ICRA 2020, section III. The network sees a Cartesian image that shows every azimuth as it
-was measured; a place in it goes back to the azimuth of its direction, not corrected for motion.
+Source: Barnes & Posner, ICRA 2020, section III. The network sees a Cartesian image that shows every azimuth
+as it was measured; a place in it goes back to the azimuth of its direction, not corrected for motion.
 """
 
 import numpy as np

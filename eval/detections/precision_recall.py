@@ -1,8 +1,8 @@
 """Precision and recall by threshold, and average precision, from counts by level of the score.
 
-Average precision is the sum of (R_n - R_(n-1)) P_n over falling thresholds, without interpolation (Manning et al.,
-Introduction to Information Retrieval, 2008, section 8.4). Scores are sorted into `LEVELS` levels; what has one
-level is taken at once, as equal scores are.
+Average precision is the sum of (R_n - R_(n-1)) P_n over falling thresholds, without interpolation (Manning
+et al., Introduction to Information Retrieval, 2008, section 8.4). Scores are sorted into `LEVELS` levels;
+what has one level is taken at once, as equal scores are.
 """
 
 from dataclasses import dataclass
@@ -66,8 +66,8 @@ def precision_recall(
         targets: Number of targets, found or not (...).
 
     Returns:
-        The curve. Where no place is scored as a detection and as a target at once, several true detections
-        may have one target: all of them count in precision, and none twice in recall.
+        The curve. Several true detections may belong to one target: all of them count in precision, the
+        target counts once in recall.
     """
     true, false, found = (_at_or_above(each) for each in (true, false, found))
     with np.errstate(invalid="ignore", divide="ignore"):

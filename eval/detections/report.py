@@ -188,7 +188,7 @@ def markdown(result: DetectionResult, found: Figures) -> str:
             f"{echoes[number] / result.scans:.1f}",
             *(_both(each, number) for each in totals),
         ]
-        for number in np.flatnonzero(echoes)
+        for number in np.flatnonzero(echoes).tolist()
     ]
     lines += _table(["class", "echoes a scan", *names], rows)
     return "\n".join(lines) + "\n"
@@ -206,9 +206,9 @@ def conditions(result: DetectionResult) -> str:
     settings = result.settings
     targets = "direct static echoes" if settings.targets == "static" else "direct echoes"
     return (
-        f"{result.scans} scans, {targets} from {result.near_m:.0f} to {result.far_m:.0f} m; a detection is true "
-        f"within {settings.tolerance_m:g} m of one; recall of echoes of {settings.min_snr_db:g} dB above the "
-        "noise or more."
+        f"{result.scans} scans, {targets} from {result.near_m:.0f} to {result.far_m:.0f} m; a detection is "
+        f"true within {settings.tolerance_m:g} m of one; recall of echoes of {settings.min_snr_db:g} dB or "
+        "more above the noise."
     )
 
 

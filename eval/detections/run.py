@@ -1,4 +1,4 @@
-"""Judges detectors over a folder of simulated scans: every scan is read once, and every method works on it."""
+"""Judges detectors over a folder of simulated scans: a scan is read once, and every method works on it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Counts of what a method detected, summed over blocks of successive scans so that any drive fits in memory."""
+"""Counts of what a method detected, summed over blocks of successive scans: any drive fits in memory."""
 
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -29,7 +29,8 @@ class Tally:
         found: Echoes by the level of their best detection (..., levels).
         found_by: Echoes that were found, by range band and class (..., bands, classes).
         echoes_by: All echoes, likewise.
-        objects_found_by: Objects of which an echo was found, by class (..., classes); an object counts once a scan.
+        objects_found_by: Objects of which an echo was found, by class (..., classes); an object counts once
+            in each scan.
         objects_by: All objects with an echo, likewise.
         map_true: Scored places at a target by level (..., levels).
         map_all: All scored places within the judged ranges by level (..., levels).
@@ -124,7 +125,7 @@ class Tally:
 
     @cached_property
     def ranking(self) -> PrecisionRecall:
-        """Precision of detections and recall of the true ones among them, by threshold: how scores rank them."""
+        """Precision of detections and recall of the true ones among them: how well scores rank them."""
         return precision_recall(self.true, self.false, self.true, self.true.sum(axis=-1))
 
     @cached_property
@@ -161,7 +162,7 @@ def tally_scan(
     echoes, found = targets.echoes, best >= 0
     band = np.minimum((targets.echo_range_m // BAND_M).astype(np.int64), bands - 1)
     return Tally(
-        scans=np.int64(1),
+        scans=np.array(1),
         labels=_counts((labels.astype(np.int64), level), (len(LABELS), LEVELS), labels != OUTSIDE),
         found=_counts((best,), (LEVELS,), found),
         found_by=_counts((band, echoes.class_id), (bands, classes), found),

@@ -2,13 +2,14 @@
 
 A *target cell* holds a direct echo, by default of something that stands still. An *echo* is a run of target
 cells of one object along an azimuth. A detection is *true* if a target cell lies within the tolerance: within
-`tolerance_m` in range, and across within `tolerance_m` or one azimuth, whichever is wider. What made a false one
-is the label of the strongest cell within the tolerance.
+`tolerance_m` in range, and across within `tolerance_m` or one azimuth, whichever is wider. What made a false
+one is the label of the strongest cell within the tolerance.
 """
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -43,7 +44,7 @@ class JudgeSettings:
     """Largest distance of a true detection from a target cell, in range and across [m]; across at least one
     azimuth is allowed."""
     min_snr_db: float = 10.0
-    """Least level of an echo's strongest cell above the sensor's noise for the echo to count in recall [dB]."""
+    """Least level above the sensor's noise of the strongest cell of an echo that counts in recall [dB]."""
     near_m: float = 3.0
     """Nearest range that is judged [m]: leakage and the car itself are nearer."""
     far_m: float | None = None
@@ -147,14 +148,14 @@ class ScanTargets:
     @property
     def echo_range_m(self) -> NDArray[np.float64]:
         """Range of the strongest cell of each echo (E,) [m]."""
-        return (self.echoes.peak + 0.5) * self._scan.bin_m
+        return ((self.echoes.peak + 0.5) * self._scan.bin_m).astype(np.float64)
 
     def _level_db(self) -> NDArray[np.float64]:
         """Return the level of each cell above the sensor's noise (azimuths, bins) [dB]."""
         bins = self._scan.codes.shape[1]
         ranges_m = (np.arange(bins) + 0.5) * self._scan.bin_m
         noise = self._sensor.noise_units * range_gain(self._sensor, ranges_m)
-        return self._scan.codes / 2 - 10 * np.log10(noise)
+        return np.asarray(self._scan.codes / 2 - 10 * np.log10(noise), np.float64)
 
     def places(self, found: Detections) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return the bins of detections, and which of them are within the judged ranges.
@@ -169,7 +170,7 @@ class ScanTargets:
             ValueError: An azimuth does not exist.
         """
         azimuths = self._scan.codes.shape[0]
-        if len(found) and not (0 <= found.azimuth.min() and found.azimuth.max() < azimuths):
+        if len(found) and not (found.azimuth.min() >= 0 and found.azimuth.max() < azimuths):
             raise ValueError(f"azimuths of detections must be between 0 and {azimuths - 1}")
         bins = np.floor(found.range_m / self._scan.bin_m).astype(np.int64)
         judged = (bins >= self._bins.start) & (bins < self._bins.stop)
@@ -267,7 +268,7 @@ class Reach:
     def _across(self, values: NDArray) -> NDArray:
         found = np.empty_like(values)
         edges = np.flatnonzero(np.diff(self.azimuths, prepend=0, append=0))
-        for start, stop in zip(edges, edges[1:], strict=False):
+        for start, stop in pairwise(edges):
             width = 2 * int(self.azimuths[start]) + 1
             found[:, start:stop] = maximum_filter1d(values[:, start:stop], width, axis=0, mode="wrap")
         return found

@@ -16,7 +16,7 @@ from echoscape.eval.detections.targets import (
 )
 from echoscape.sim.datasets.polar_scan import Component
 from echoscape.sim.sensor.cts350x import CTS350X
-from tests.eval.detections.made_scans import BIN_M, at, made_scan, made_truth, within
+from tests.eval.detections.made_scans import at, made_scan, made_truth, within
 
 AZIMUTHS, BINS = 24, 60
 EVERYWHERE = JudgeSettings(near_m=0.0, min_snr_db=-40.0, tolerance_m=0.3)
@@ -199,4 +199,3 @@ def test_refuses_ranges_beyond_the_scan_and_azimuths_that_do_not_exist() -> None
         targets_of(one_target()).label(at([24], [30], [1.0]))
     with pytest.raises(ValueError, match="truth has the shape"):
         ScanTargets(made_scan(np.zeros((4, 9))), made_truth(one_target()), CTS350X, EVERYWHERE)
-    assert BIN_M * BINS == pytest.approx(6.0)
