@@ -28,7 +28,8 @@ class Options:
     out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
     """Folder to write; it must be empty or new."""
     preset: Preset = ""
-    """Kind of world: town, suburb, industrial, motorway, open, empty or yard."""
+    """Kind of world: town, suburb, industrial, motorway, open, yard or empty (a road on a plane, with
+    traffic)."""
     seed: int = 0
     """Seed of the town and of the drive through it."""
     scans: int = 40

@@ -39,7 +39,8 @@ class SimulationOptions(SimulationConfig):
     """A simulation's configuration as options; what comes from files is not an option of its own."""
 
     preset: Preset = ""
-    """Kind of world: town, suburb, industrial, motorway, open, empty or yard."""
+    """Kind of world: town, suburb, industrial, motorway, open, yard or empty (a road on a plane, with
+    traffic)."""
     layout: Annotated[
         LayoutName | None, _LAYOUT, tyro.conf.arg(help_behavior_hint="(default: the radar's own)")
     ] = None

@@ -34,7 +34,8 @@ class SimulationConfig:
     """All settings that decide the bytes of a data set."""
 
     preset: str = ""
-    """Kind of world: town (the default), suburb, industrial, motorway, open, empty or yard."""
+    """Kind of world: town (the default), suburb, industrial, motorway, open, yard or empty (a road on a
+    plane, with traffic)."""
     seed: int = 0
     """Seed of everything that is drawn: the town, the drive, the traffic, rays, speckle and noise."""
     scans: int = 40

@@ -145,5 +145,5 @@ def _check_length(config: SimulationConfig, drive: UserDrive) -> None:
         most = f"scans must be {fit} or fewer" if fit else "the drive must last a scan"
         raise SceneError(
             f"{most}: the drive lasts {drive.duration_s:.2f} s, a scan up to "
-            f"{config.longest_revolution_s:.4f} s; got {config.scans}"
+            f"{config.longest_revolution_s:.5g} s; got {config.scans}"
         )

@@ -32,7 +32,8 @@ def scan(
     Building the world takes seconds; it is kept for the next call with the same arguments but `index`.
 
     Args:
-        preset: Kind of world: town, suburb, industrial, motorway, open, empty or yard.
+        preset: Kind of world: town, suburb, industrial, motorway, open, yard or empty (a road on a
+            plane, with traffic).
         seed: Seed of the world, the drive, the traffic, rays, speckle and noise.
         index: Number of the scan, from 0.
         scans: Scans of the whole drive, as in `echoscape simulate --scans`.

@@ -91,9 +91,10 @@ def test_a_mesh_that_is_found_broken_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_scans_beyond_the_drive_are_refused_and_the_most_is_named(tmp_path: Path) -> None:
-    path = user_scene_file(tmp_path)  # 12 m at 10 m/s: 1.2 s, and a turn lasts up to 0.2533 s
+    path = user_scene_file(tmp_path)  # 12 m at 10 m/s: 1.2 s, and a turn lasts up to 0.25325 s
     build_scene(_config(path, scans=4))
-    with pytest.raises(SceneError, match=r"scans must be 4 or fewer: the drive lasts 1\.20 s"):
+    refusal = r"scans must be 4 or fewer: the drive lasts 1\.20 s, a scan up to 0\.25325 s; got 5"
+    with pytest.raises(SceneError, match=refusal):
         build_scene(_config(path, scans=5))
     build_scene(_config(path, scans=5), whole_drive=True)
 
