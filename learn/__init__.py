@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 else:
     from lazy_loader import attach
 
-    __getattr__, __dir__, __all__ = attach(
+    _attached, __dir__, __all__ = attach(
         __name__,
         submod_attrs={
             "data.scan_folder": ["ScanFolder"],
@@ -31,3 +31,12 @@ else:
             "training.trainer": ["train"],
         },
     )
+
+    def __getattr__(name: str) -> object:
+        """Import a public name on first use; without PyTorch the error says how to install it."""
+        try:
+            return _attached(name)
+        except ModuleNotFoundError as error:
+            if error.name not in ("torch", "safetensors"):
+                raise
+            raise ImportError(f'{name} needs PyTorch: pip install "echoscape[learn]"') from error
