@@ -45,7 +45,7 @@ def compatibility(
     return agreement
 
 
-def compatible_set(agreement: NDArray[np.floating], target: NDArray[np.int64]) -> NDArray[np.int64]:
+def compatible_set(agreement: NDArray[np.float64], target: NDArray[np.int64]) -> NDArray[np.int64]:
     """Select matches that agree with each other, each target once.
 
     Matches are taken in the order of the principal eigenvector v of the compatibility W, while that raises
@@ -68,7 +68,7 @@ def compatible_set(agreement: NDArray[np.floating], target: NDArray[np.int64]) -
     return order[: int(np.argmax(reward)) + 1]
 
 
-def principal_eigenvector(matrix: NDArray[np.floating]) -> NDArray[np.float64]:
+def principal_eigenvector(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Approximate the eigenvector of the largest eigenvalue by power iteration.
 
     Args:

@@ -79,6 +79,20 @@ def test_keypoints_rotate_with_the_scan(azimuths: int) -> None:
     assert moved == list(zip(rotated.azimuth, rotated.bin, rotated.score, strict=True))
 
 
+@pytest.mark.parametrize("place", [slice(500, 900), slice(1100, 1500)])
+def test_a_wide_echo_keeps_its_height_up_to_the_end_of_the_scan(place: slice) -> None:
+    # Far from its edges the low-pass holds all of it, and the alternating rest is odd: it cancels in pairs.
+    power = np.tile([-1.0, 1.0], (1, 750))
+    power[:, place] += 60
+    unbiased = power - power.mean()
+    sigma = math.sqrt((unbiased[unbiased < 0] ** 2).mean())
+    level = signal_to_noise(power, smoothing_bins=10, noise_factor=1)[0, place]
+    inner = level[100:] if place.stop == 1500 else level[100:-100]
+    height = (60 - 60 * 400 / 1500) / sigma
+    expected = height * -math.expm1(-(height**2) / 2)
+    np.testing.assert_allclose(inner.reshape(-1, 2).mean(axis=1), expected, rtol=1e-6)
+
+
 def test_azimuths_of_one_code_have_neither_keypoints_nor_warnings() -> None:
     codes = with_echo(NOISE, 7, 400)
     codes[20:30] = 90
