@@ -30,7 +30,8 @@ PACKAGE_ORDER: Mapping[str, Sequence[Sequence[str]]] = {
     ),
     "learn": (("geometry",), ("data",), ("model",), ("training", "odometry")),
     "eval": (
-        ("figures", "methods"),
+        ("figures",),
+        ("methods",),
         ("odometry", "fidelity", "viewer", "scene_report"),
         ("ablation", "detections"),
     ),
