@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 PIP = $(BIN)/python -m pip install --quiet -c constraints.txt
 TORCH := torch==$(shell sed -n 's/^torch==//p' constraints.txt)
 
-.PHONY: demo docs figures fidelity training-set judge test test-slow lint bench clean
+.PHONY: demo docs figures fidelity training-set judge test test-slow golden lint bench clean
 
 # PyTorch for the CPU: from a folder of wheels that pip is configured to search (find-links), else by uv from
 # PyTorch's index of CPU builds, else the build that pip finds, which on Linux brings CUDA.
@@ -90,6 +90,10 @@ judge: $(READY)
 		$(BIN)/echoscape odometry $(TRAINING)/test_$$town --out build/judged/fine/$$town --resolution 0.3456; \
 		$(BIN)/echoscape odometry $(TRAINING)/test_$$town --out build/judged/fourier/$$town --method fourier; done
 	for method in coarse fine fourier; do $(BIN)/python -m benchmarks.odometry_table build/judged/$$method/*; done
+
+# The golden scan of the example project, after a change of scans that is meant.
+golden: $(READY)
+	cd examples/foreign_project && $(abspath $(BIN))/python -m pytest -q -p no:cacheprovider --radar-update-golden
 
 lint: $(READY)
 	$(BIN)/ruff check .

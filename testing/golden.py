@@ -110,6 +110,9 @@ class GoldenScans:
             return f"the stored scan {shown} {error}"
         if stored.codes.shape != found.codes.shape:
             return f"the scan has shape {found.codes.shape}, {shown} has {stored.codes.shape}"
+        if stored.mask != found.mask:
+            kinds = "codes", "bool"
+            return f"the scan is of {kinds[found.mask]}, {shown} of {kinds[stored.mask]}"
         if stored.axes != found.axes:
             return f"the scan has other axes than {shown}: {_changed(stored.axes, found.axes)}"
         lines = _cell_lines(stored, found, max_share, max_codes)
@@ -153,7 +156,8 @@ def _golden(scan: Any) -> Golden:
             "scan must be a PolarScan or an array (azimuths, bins) of uint8 or bool, "
             f"got {type(scan).__name__} of {array.dtype} and shape {array.shape}"
         )
-    return Golden(codes=array.astype(np.uint8), axes={}, versions=versions())
+    mask = array.dtype == np.bool_
+    return Golden(codes=array.astype(np.uint8), axes={}, versions=versions(), mask=mask)
 
 
 def _changed(stored: Mapping[str, Any], found: Mapping[str, Any]) -> str:
@@ -176,7 +180,8 @@ def _cell_lines(stored: Golden, found: Golden, max_share: float | None, max_code
         return []
     allowed = ", ".join(f"{name} {limit:g}" for name, (limit, _) in given.items()) or "no difference"
     lines = [
-        f"{len(differ)} of {change.size} cells differ ({share:.2g}), by up to {most} codes ({most / 2:g} dB)",
+        f"{len(differ)} of {change.size} cells differ ({share:.2g})"
+        + ("" if found.mask else f", by up to {most} codes ({most / 2:g} dB)"),
         f"allowed: {allowed}",
     ]
     bin_m = found.axes.get("bin_m")

@@ -30,18 +30,21 @@ class Golden:
     """What is stored of a scan.
 
     Attributes:
-        codes: Codes (azimuths, bins) uint8.
+        codes: Codes (azimuths, bins) uint8; of a mask 0 and 1.
         axes: What its rows and columns mean, as JSON takes it; empty for an array that is no scan.
         versions: Versions of the packages that made it.
+        mask: Whether it is an array of bool, which is stored in black and white.
     """
 
     codes: NDArray[np.uint8]
     axes: Mapping[str, Any]
     versions: Mapping[str, str]
+    mask: bool = False
 
     def same(self, other: "Golden") -> bool:
         """Return whether codes and axes are equal, whatever made them."""
-        return np.array_equal(self.codes, other.codes) and self.axes == other.axes
+        alike = self.axes == other.axes and self.mask == other.mask
+        return alike and np.array_equal(self.codes, other.codes)
 
 
 @cache
@@ -70,7 +73,8 @@ def write_golden(path: Path, golden: Golden) -> None:
     text = json.dumps({"axes": golden.axes, "versions": golden.versions}, sort_keys=True)
     info.add_text(_ENTRY, text, zip=True)
     data = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(golden.codes)).save(data, "png", optimize=True, pnginfo=info)
+    pixels = np.ascontiguousarray(golden.codes, np.bool_ if golden.mask else np.uint8)
+    Image.fromarray(pixels).save(data, "png", optimize=True, pnginfo=info)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(path, data.getvalue())
 
@@ -101,6 +105,6 @@ def read_golden(path: Path) -> Golden:
         axes, made_by = dict(content["axes"]), dict(content["versions"])
     except (KeyError, TypeError, ValueError) as error:
         raise GoldenError("was not written by radar_golden") from error
-    if mode != "L":
-        raise GoldenError(f"must be a grey image of 8 bits, its mode is {mode}")
-    return Golden(codes=codes, axes=axes, versions=made_by)
+    if mode not in ("L", "1"):
+        raise GoldenError(f"must be a grey image of 8 bits or one of 1 bit, its mode is {mode}")
+    return Golden(codes=codes.astype(np.uint8), axes=axes, versions=made_by, mask=mode == "1")

@@ -127,11 +127,11 @@ def make_radar_scan(radar_settings: ScanSettings) -> "Callable[..., PolarScan]":
 
 @pytest.fixture(scope="session")
 def make_radar_target(radar_settings: ScanSettings) -> "Callable[..., TargetScan]":
-    """Make a scan of a corner reflector: `make_radar_target(range_m=20, bearing_rad=-0.3)`."""
+    """Make a scan of a corner reflector: `make_radar_target(range_m=20, bearing_rad=-0.3, artefacts=...)`."""
     from echoscape.testing.scans import make_target
 
-    def make(range_m: float | None = None, bearing_rad: float | None = None) -> "TargetScan":
-        return make_target(range_m, bearing_rad, settings=radar_settings)
+    def make(range_m: float | None = None, bearing_rad: float | None = None, **changes: Any) -> "TargetScan":
+        return make_target(range_m, bearing_rad, settings=radar_settings, **changes)
 
     return make
 

@@ -132,7 +132,11 @@ def make_pair(settings: ScanSettings | None = None, **changes: Any) -> ScanPair:
 
 
 def make_target(
-    range_m: float | None = None, bearing_rad: float | None = None, *, settings: ScanSettings | None = None
+    range_m: float | None = None,
+    bearing_rad: float | None = None,
+    *,
+    settings: ScanSettings | None = None,
+    **changes: Any,
 ) -> TargetScan:
     """Return a scan of a corner reflector at the height of the antenna above a plane; the car is at rest.
 
@@ -141,14 +145,16 @@ def make_target(
             of a bin near 30 m.
         bearing_rad: Bearing, clockwise from straight ahead [rad]; None is the azimuth nearest to 0.6 rad.
         settings: Seed, artefacts and radar; the rest does not count.
+        changes: Fields of `ScanSettings` that differ.
 
     Returns:
         The scan with the range and the bearing.
 
     Raises:
         ValueError: The range is outside of these limits, or another setting cannot be simulated.
+        TypeError: There is no setting of a name.
     """
-    settings = settings or ScanSettings()
+    settings = replace(settings or ScanSettings(), **changes)
     content = {name: _plain(getattr(settings, name)) for name in ("seed", "artefacts", "sensor")}
     found = _kept(
         "target",

@@ -9,11 +9,24 @@ from tests.paths import ROOT
 
 README = (ROOT / "README.md").read_text()
 
+EXAMPLES = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+def test_examples_are_short() -> None:
+    assert max(len(example.strip().splitlines()) for example in EXAMPLES) < 12
+
+
+def test_the_example_of_a_test_passes(tmp_path: Path) -> None:
+    (example,) = (example for example in EXAMPLES if example.startswith("def test_"))
+    (tmp_path / "test_readme_example.py").write_text(example)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stdout
+
 
 def test_python_examples_run_in_order_and_print_what_they_say(tmp_path: Path) -> None:
-    examples = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    examples = [example for example in EXAMPLES if not example.startswith("def test_")]
     assert len(examples) == 4
-    assert max(len(example.strip().splitlines()) for example in examples) < 12
     prose = re.sub(r"```.*?```", "", README, flags=re.DOTALL)
     assert not re.search(r"^ {4}\S", prose, re.MULTILINE)  # code outside of blocks would not be run
     code = "".join(examples)

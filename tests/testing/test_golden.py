@@ -58,7 +58,16 @@ def test_arrays_of_codes_and_masks_are_compared_as_well(tmp_path: Path, dtype: t
     array = (CODES > 90).astype(dtype)
     stored(tmp_path, array)
     GoldenScans(tmp_path).check(array, "first")
-    assert "200 of 200 cells differ" in message(tmp_path, ~array.astype(np.bool_))
+    text = message(tmp_path, array ^ dtype(1))
+    assert "200 of 200 cells differ (1)" in text
+    assert ("by up to" in text) == (dtype is np.uint8)
+
+
+def test_masks_are_stored_in_black_and_white_and_are_no_codes(tmp_path: Path) -> None:
+    with Image.open(stored(tmp_path, CODES > 90)) as image:
+        assert image.mode == "1"
+        np.testing.assert_array_equal(np.array(image), CODES > 90)
+    assert "the scan is of codes, " in message(tmp_path, (CODES > 90).astype(np.uint8))
 
 
 # ---------------------------------------------------------------------- different
@@ -252,5 +261,5 @@ def test_colour_images_are_no_golden_scans(tmp_path: Path) -> None:
         info = PngInfo()
         info.add_text("echoscape", image.info["echoscape"], zip=True)
         image.convert("RGB").save(path, pnginfo=info)
-    with pytest.raises(GoldenError, match="must be a grey image of 8 bits, its mode is RGB"):
+    with pytest.raises(GoldenError, match="must be a grey image of 8 bits or one of 1 bit, its mode is RGB"):
         read_golden(path)

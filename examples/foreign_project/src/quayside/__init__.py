@@ -1,0 +1,1 @@
+"""Detections and motion from the scans of a spinning radar."""
