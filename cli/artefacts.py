@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.table import Table
 
 from echoscape.cli.arguments import in_option_names, parse
-from echoscape.cli.backend_option import load_ray_tracer
+from echoscape.cli.options.backend_option import load_ray_tracer
+from echoscape.cli.options.scene_options import ScanOptions, simulation_config
 from echoscape.cli.progress import ProgressBars
-from echoscape.cli.scene_options import ScanOptions, simulation_config
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.raytracing.backend import Backend, selected_backend

@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.table import Table
 
 from echoscape.cli.arguments import in_option_names, parse
+from echoscape.cli.options.scene_options import Preset, SimulationOptions, simulation_config
 from echoscape.cli.progress import ProgressBars
-from echoscape.cli.scene_options import Preset, SimulationOptions, simulation_config
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.generation.config import SimulationConfig

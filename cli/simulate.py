@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.table import Table
 
 from echoscape.cli.arguments import ArgumentsError, in_option_names, option_value, parse, with_config_file
-from echoscape.cli.backend_option import load_ray_tracer
+from echoscape.cli.options.backend_option import load_ray_tracer
+from echoscape.cli.options.scene_options import SimulationOptions, simulation_config
 from echoscape.cli.progress import ProgressBars
-from echoscape.cli.scene_options import SimulationOptions, simulation_config
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.domain_randomization import randomized
 from echoscape.sim.raytracing.backend import Backend, selected_backend
