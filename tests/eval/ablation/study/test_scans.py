@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from echoscape.eval.ablation.study.conditions import SUITES
 from echoscape.eval.ablation.study.scans import DriveFolders, DriveWriter
 from echoscape.eval.ablation.study.settings import AblationStudy
 from echoscape.sim.datasets.files.metadata import read_manifest
@@ -101,3 +102,13 @@ def test_scans_with_faults_are_recorded_with_the_true_motion(tmp_path: Path) -> 
     assert 2 <= len(faulty[0]) < 6
     jittered = recorded_us(plain.read(2).timestamp_us, study.runs[2].faults, index=2, seed=config.seed)
     assert faulty[1].paths[2].stem == str(jittered[0]) != plain.paths[2].stem
+
+
+def test_every_stress_changes_what_is_recorded(tmp_path: Path, traces: list[int]) -> None:
+    study = small_study(*SUITES["stress"], scans=6)
+    folders = written(tmp_path, study)
+    plain = {path.name: path.read_bytes() for path in (folders.of(study.runs[0]) / "radar").iterdir()}
+    for condition in study.runs[1:]:
+        found = {path.name: path.read_bytes() for path in (folders.of(condition) / "radar").iterdir()}
+        assert found != plain, condition.name
+    assert sorted(traces) == [*range(6)]  # rain and interference need no trace of their own
