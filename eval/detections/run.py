@@ -97,7 +97,7 @@ def judge_detectors(
         raise ValueError(f"every must be 1 or more, got {every}")
     bin_m = folder.sensor.bin_m
     judged = judged_bins(folder.sensor.bins, bin_m, settings)
-    bands = int(np.ceil(judged.stop * bin_m / BAND_M))
+    bands = int((judged.stop - 0.5) * bin_m // BAND_M) + 1
     numbers = range(0, len(folder), every)
     blocks = min(len(numbers), MOST_BLOCKS)
     tallies = [Tally.empty(blocks, bands=bands, classes=len(classes)) for _ in detectors]

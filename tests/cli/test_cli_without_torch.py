@@ -52,6 +52,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["view", "{data}", "--out", "{out}.html"], "{out}.html"),
         (["fidelity", "{data}", "--out", "{out}"], "{out}/fidelity.json"),
         (["odometry", "{data}", "--out", "{out}", "--method", "fourier"], "{out}/metrics.json"),
+        (["detections", "{data}", "--out", "{out}"], "{out}/detections.json"),
         (
             ["artefacts", "{out}", "--preset", "empty", "--scans", "2", "--only", "leakage"],
             "{out}/leakage.png",
@@ -84,9 +85,10 @@ def test_help_works(command: str) -> None:
     [
         ["odometry", "{data}", "--out", "{out}"],
         ["train", "--data", "{data}", "--out", "{out}"],
+        ["detections", "{data}", "--out", "{out}", "--methods", "cfar,learned"],
         ["ablate", "--out", "{out}", *YARD],
     ],
-    ids=["odometry", "train", "ablate"],
+    ids=["odometry", "train", "detections", "ablate"],
 )
 def test_what_needs_it_says_in_one_line_how_to_get_it(
     words: list[str], dataset: Path, tmp_path: Path
