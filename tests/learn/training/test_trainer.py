@@ -367,7 +367,7 @@ def test_a_few_hundred_steps_bring_the_error_down_by_half(tmp_path: Path) -> Non
         (["--size", "101"], "size must be even"),
         (["--steps", "0"], "steps must be 1 or more"),
         (["--threads", "0"], "threads must be 1 or more"),
-        (["--augmentation.max-rotation-rad", "9"], "max_rotation_rad must be"),
+        (["--augmentation.max-rotation-rad", "9"], "--augmentation.max-rotation-rad must be"),
     ],
 )
 def test_bad_arguments_are_refused_in_one_line(
