@@ -69,12 +69,13 @@ class Session:
             shell=True,
             cwd=self.folder,
             env={**os.environ, "PATH": path, "COLUMNS": "100"},
-            capture_output=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,  # as on a terminal
             text=True,
             check=False,
             timeout=600,
         )
-        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+        assert done.returncode == 0, f"{command}\n{done.stdout}"
         same = OutputChecker().check_output(shown, done.stdout, ELLIPSIS | NORMALIZE_WHITESPACE)
         assert same or not shown, f"{command} printed\n{done.stdout}\nand the page shows\n{shown}"
 
