@@ -4,6 +4,7 @@ import logging
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -172,16 +173,13 @@ def _study(options: Options) -> "AblationStudy":
     settings = SimulationConfig(**values)
     drives = tuple(_named("--worlds", ablation_drive, each, settings) for each in options.worlds)
     levels = _named("--artefact", chosen_levels, options.artefact, suite)
-    every = _named("--artefact", _conditions(conditions, options.grid), levels, settings)
-    names = [name for word in options.methods for name in word.split(",")]
+    combined = partial(conditions, grid=options.grid)
+    every = _named("--artefact", combined, levels, settings.artefacts, settings.sensor)
+    names = [name for word in options.methods for name in word.split(",") if name]
     methods = tuple(_named("--methods", method_choice, name) for name in names)
     if any(each.learned for each in methods):
         require_torch(f"--methods {','.join(names)}")
     return AblationStudy(drives=drives, conditions=every, methods=methods, keep_scans=options.keep_scans)
-
-
-def _conditions(conditions: Any, grid: bool) -> Any:
-    return lambda levels, settings: conditions(levels, settings.artefacts, settings.sensor, grid=grid)
 
 
 def _named(option: str, make: Any, *arguments: Any) -> Any:
