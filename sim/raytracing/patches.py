@@ -4,7 +4,8 @@ Rays are samples of the mean power only. What interferes in a resolution cell ar
 in the world: each is one scatterer with a hashed place and a circular complex Gaussian reflectivity (see
 `surface.speckle`), whose power is the sum of what all rays in the patch return. So speckle does not depend on
 which rays were drawn, as long as some of them meet each patch. Where a ray stands for more surface than a
-patch, on ground and on walls seen along, its power is divided evenly over the patches of its footprint.
+patch, on ground and on walls seen along, its power is divided evenly over the patches of its footprint. Up to
+each range at which patches become larger, a growing share of the power goes to the larger ones.
 """
 
 import math
@@ -19,10 +20,13 @@ from echoscape.sim.raytracing.mitsuba_backend import dr, mi
 from echoscape.sim.raytracing.surface.speckle import (
     PATCH_HEIGHT,
     by_range,
+    coarser_edge_m,
+    coarser_share,
     hash32,
     lattice_key,
     patch_edge_m,
     patch_key,
+    patch_number,
     reflectivity,
     scatterer_offset,
 )
@@ -30,7 +34,7 @@ from echoscape.sim.raytracing.surface.texture import Texture
 
 MOST_ACROSS = 4
 MOST_ALONG = 8
-"""Most patches over which a footprint is divided, across and along the elevation of the ray."""
+"""Most patches over which a footprint is divided, across and along the elevation of the ray; below 16."""
 OVERLAP = 1.5
 """Edges of a footprint over the distance between rays: footprints that overlap leave no patch out."""
 LEAST_SOLID_SR = 6e-5
@@ -42,8 +46,10 @@ LEAST_RAYS = 8
 REGIONS_M: tuple[tuple[float, float], ...] = ((40.0, 2.0), (80.0, 4.0), (math.inf, 8.0))
 """Edge of the cells of the last surface in which rays count for the same ghost [m], up to each range [m]:
 some 0.1 rad, so that a large surface fills them at any range."""
-_INDEX_BITS = 26
-"""Lower bits of a sorting key, which number the samples; the other bits hash the patch."""
+LEAST_INDEX_BITS = 20
+"""Lower bits of a sorting key, which number the samples; more where samples are more. The other 44 hash the
+patch: n^2 / 2^45 pairs of n patches share them all, one in a thousand scans, and are summed as one patch at a
+place between both."""
 
 
 @dataclass
@@ -107,11 +113,13 @@ class _Samples:
         ray: Index of the ray (K,).
         offset: Place in the world relative to the hit (K) [m]; zero where a footprint is not divided.
         power: Mean received power (K) [W].
+        edge: Edge of the patch that it belongs to (K) [m].
     """
 
     ray: "mi.UInt32"
     offset: "mi.Vector3f"
     power: "mi.Float"
+    edge: "mi.Float64"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,7 +210,7 @@ class PatchSums:
         if prints.bounces > 1:
             prints = replace(prints, power=prints.power * mi.Float(self._supported(prints)))
         samples = self._samples(prints)
-        groups = self._groups(samples, prints)
+        groups = self._groups(samples, prints, position)
         return self._speckled(groups, samples, prints, position) if groups else None
 
     def _supported(self, prints: Footprints) -> NDArray[np.float32]:
@@ -216,36 +224,52 @@ class PatchSums:
         return share[region].astype(np.float32)
 
     def _samples(self, prints: Footprints) -> _Samples:
-        """Divide the footprint of each ray into samples, evenly across and along its elevation."""
-        across, along = prints.across, prints.along
-        edge = mi.Float(patch_edge_m(prints.length))
-        wide = dr.maximum(dr.norm(mi.Vector2f(along.x, along.y)), dr.abs(along.z) * (1 / PATCH_HEIGHT))
-        columns = mi.UInt32(dr.clip(dr.ceil(dr.norm(across) / edge), 1, MOST_ACROSS))
-        steps = mi.UInt32(dr.clip(dr.ceil(wide / edge), 1, MOST_ALONG))
-        count = columns * steps
-        dr.eval(columns, steps, count)
+        """Divide the footprint of each ray into samples, evenly across and along its elevation.
+
+        Where power passes into the patches of the next size, it is divided among patches of either size.
+        """
+        across, along, length = prints.across, prints.along, prints.length
+        fine = _division(across, along, mi.Float(patch_edge_m(length)))
+        coarse = _division(across, along, mi.Float(coarser_edge_m(length)))
+        count = fine.x * fine.y + dr.select(coarser_share(length) > 0, coarse.x * coarse.y, 0)
+        # Four numbers below 16 in one word, which samples gather at once.
+        packed = fine.x | fine.y << 4 | coarse.x << 8 | coarse.y << 12
+        dr.eval(count, packed)
         counts = count.numpy()
         ray = np.repeat(np.arange(len(counts), dtype=np.uint32), counts)
         number = np.arange(len(ray), dtype=np.uint32) - (np.cumsum(counts) - counts).astype(np.uint32)[ray]
-        ray_, number_ = mi.UInt32(ray), mi.UInt32(number)
+        return self._placed(prints, mi.UInt32(ray), mi.UInt32(number), packed)
+
+    def _placed(
+        self, prints: Footprints, ray: "mi.UInt32", number: "mi.UInt32", packed: "mi.UInt32"
+    ) -> _Samples:
+        """Return sample `number` of each ray: first those in finer patches, then those in coarser ones."""
+        packed = dr.gather(mi.UInt32, packed, ray)
+        fine_count = (packed & 15) * (packed >> 4 & 15)
+        coarse = number >= fine_count
+        number = dr.select(coarse, number - fine_count, number)
+        packed = dr.select(coarse, packed >> 8, packed)
         # Lanes beyond the last sample gather zeros, and an integer must not be divided by one.
-        columns_, steps_ = (dr.maximum(dr.gather(mi.UInt32, each, ray_), 1) for each in (columns, steps))
-        column, step = number_ % columns_, number_ // columns_
-        right = (mi.Float(column) + 0.5) / mi.Float(columns_) - 0.5
-        up = (mi.Float(step) + 0.5) / mi.Float(steps_) - 0.5
-        offset = dr.gather(mi.Vector3f, across, ray_) * right + dr.gather(mi.Vector3f, along, ray_) * up
-        power = dr.gather(mi.Float, prints.power, ray_) / mi.Float(columns_ * steps_)
-        return _Samples(ray=ray_, offset=offset, power=power)
+        columns, steps = dr.maximum(packed & 15, 1), dr.maximum(packed >> 4 & 15, 1)
+        column, step = number % columns, number // columns
+        right = (mi.Float(column) + 0.5) / mi.Float(columns) - 0.5
+        up = (mi.Float(step) + 0.5) / mi.Float(steps) - 0.5
+        across, along = (dr.gather(mi.Vector3f, each, ray) for each in (prints.across, prints.along))
+        length = dr.gather(mi.Float, prints.length, ray)
+        share = coarser_share(length)
+        power = dr.gather(mi.Float, prints.power, ray) * dr.select(coarse, share, 1 - share)
+        return _Samples(
+            ray=ray,
+            offset=across * right + along * up,
+            power=power / mi.Float(columns * steps),
+            edge=dr.select(coarse, coarser_edge_m(length), patch_edge_m(length)),
+        )
 
     def _local(self, samples: _Samples, prints: Footprints) -> "mi.Point3d":
         """Return the samples in the frames of their objects [m]."""
         cosine, sine = (dr.gather(mi.Float64, value, samples.ray) for value in (prints.cosine, prints.sine))
         aside = rotated_about_z(mi.Vector3d(samples.offset), cosine, -sine)
         return dr.gather(mi.Point3d, prints.local, samples.ray) + aside
-
-    def _edge(self, samples: _Samples, prints: Footprints) -> "mi.Float64":
-        """Return the edges of the patches that samples belong to [m]."""
-        return patch_edge_m(dr.gather(mi.Float, prints.length, samples.ray))
 
     def _images(self, samples: _Samples, prints: Footprints) -> "tuple[mi.Point3d, mi.Point3d | None]":
         """Return the images of samples along the first and the last leg [m]."""
@@ -261,43 +285,49 @@ class PatchSums:
         back = mi.Point3d(dr.gather(type(prints.back), prints.back, samples.ray))
         return out, back + mi.Vector3d(samples.offset)
 
-    def _groups(self, samples: _Samples, prints: Footprints) -> _Groups | None:
+    def _groups(self, samples: _Samples, prints: Footprints, position: "mi.Float64") -> _Groups | None:
         """Sum samples by patch: equal keys lie side by side once sorted, samples of one patch by number.
 
         None where no patch is above the floor.
         """
-        edge = self._edge(samples, prints)
-        owner, instance = (
-            dr.gather(mi.UInt32, value, samples.ray) for value in (prints.owner, prints.instance)
-        )
-        base = patch_key(self._local(samples, prints), edge, owner, self._seed)
-        path = hash32(instance ^ dr.gather(mi.UInt32, prints.planes, samples.ray))
-        # Both ends of the scan see the same surfaces, a revolution apart.
-        late = mi.UInt32(dr.gather(mi.UInt32, prints.azimuth, samples.ray) >= self._middle_azimuth)
-        high = hash32(base ^ path ^ late)
-        low = hash32(base + 0x9E3779B9 ^ path)
-        key = (mi.UInt64(high) << 32) | (mi.UInt64(low >> _INDEX_BITS) << _INDEX_BITS)
-        key |= mi.UInt64(dr.arange(mi.UInt32, dr.width(high)))
-        out, back = self._images(samples, prints)
-        dr.eval(key, out, back, samples.power)
+        bits = max((dr.width(samples.ray) - 1).bit_length(), LEAST_INDEX_BITS)
+        key = self._sorting_key(samples, prints, bits)
+        origin = dr.gather(mi.Vector3d, position, 0)
+        images = [mi.Vector3f(each - origin) for each in self._images(samples, prints) if each is not None]
+        dr.eval(key, *images, samples.power, samples.offset, samples.edge)
         keys = np.sort(key.numpy())
-        patch = keys >> np.uint64(_INDEX_BITS)
+        patch = keys >> np.uint64(bits)
         starts = np.flatnonzero(np.concatenate([[True], patch[1:] != patch[:-1]])).astype(np.uint32)
         counts = np.diff(np.append(starts, np.uint32(len(keys))))
-        order = (keys & np.uint64((1 << _INDEX_BITS) - 1)).astype(np.uint32)
-        return self._summed(samples.power, out, back, order=order, starts=starts, counts=counts)
+        order = (keys & np.uint64((1 << bits) - 1)).astype(np.uint32)
+        return self._summed(samples.power, images, origin, order=order, starts=starts, counts=counts)
+
+    def _sorting_key(self, samples: _Samples, prints: Footprints, bits: int) -> "mi.UInt64":
+        """Return a hash of the path by way of each patch, its lower bits the number of the sample."""
+        owner, instance, planes, azimuth = (
+            dr.gather(mi.UInt32, value, samples.ray)
+            for value in (prints.owner, prints.instance, prints.planes, prints.azimuth)
+        )
+        local = self._local(samples, prints)
+        # Both ends of the scan see the same surfaces, a revolution apart.
+        late = mi.UInt32(azimuth >= self._middle_azimuth)
+        path = hash32(instance ^ planes) ^ late
+        high = hash32(patch_key(local, samples.edge, owner, self._seed) ^ path)
+        low = hash32(patch_number(local, samples.edge, owner) ^ path)
+        key = (mi.UInt64(high) << 32) | mi.UInt64(low)
+        return (key >> bits << bits) | mi.UInt64(dr.arange(mi.UInt32, dr.width(high)))
 
     def _summed(
         self,
         power: "mi.Float",
-        out: "mi.Point3d",
-        back: "mi.Point3d | None",
+        images: "list[mi.Vector3f]",
+        origin: "mi.Vector3d",
         *,
         order: NDArray[np.uint32],
         starts: NDArray[np.uint32],
         counts: NDArray[np.uint32],
     ) -> _Groups | None:
-        """Sum powers and mean images of patches, each over its samples in order.
+        """Sum powers and mean images of patches, each over its samples in order; images are from `origin`.
 
         Patches of about as many samples lie side by side, since a vector of patches takes as long as the
         largest of them.
@@ -306,31 +336,32 @@ class PatchSums:
         starts, counts = starts[by_count], counts[by_count]
         order_, start, count = mi.UInt32(order), mi.UInt32(starts), mi.UInt32(counts)
         first = dr.gather(mi.UInt32, order_, start)
-        zero = dr.zeros(mi.Float64, len(starts))
-        anchors = [_at(points, first) for points in (out, back) if points is not None]
+        zero = dr.zeros(mi.Float, len(starts))
+        anchors = [_at(each, first) for each in images]
 
         def add(step, total, *means):
             sample = dr.gather(mi.UInt32, order_, start + step)
-            weight = mi.Float64(dr.gather(mi.Float, power, sample))
-            points = [_at(each, sample) for each in (out, back) if each is not None]
-            # Relative to the first of a patch, so that the sums keep the precision of a phase.
+            weight = dr.gather(mi.Float, power, sample)
+            # Relative to the first of a patch: sums of single precision keep a hundredth of a millimetre.
             moved = [
-                mean + (point - anchor) * weight
-                for mean, point, anchor in zip(means, points, anchors, strict=True)
+                mean + (_at(each, sample) - anchor) * weight
+                for mean, each, anchor in zip(means, images, anchors, strict=True)
             ]
             return step + 1, total + weight, *moved
 
-        state = (dr.zeros(mi.UInt32, len(starts)), zero, *[mi.Vector3d(zero, zero, zero) for _ in anchors])
+        state = (dr.zeros(mi.UInt32, len(starts)), zero, *[mi.Vector3f(zero, zero, zero) for _ in anchors])
         _, total, *sums = dr.while_loop(
             state=state, cond=lambda step, *_: step < count, body=add, label="patches"
         )
-        power = mi.Float(total)
-        means = [mi.Point3d(anchor + moved / total) for anchor, moved in zip(anchors, sums, strict=True)]
-        dr.eval(first, power, *means)
-        index = dr.compress(power > self._floor_w)
+        means = [
+            mi.Point3d(origin + mi.Vector3d(anchor + moved / total))
+            for anchor, moved in zip(anchors, sums, strict=True)
+        ]
+        dr.eval(first, total, *means)
+        index = dr.compress(total > self._floor_w)
         if len(index) == 0:
             return None
-        first, power, *means = (dr.gather(type(each), each, index) for each in (first, power, *means))
+        first, power, *means = (dr.gather(type(each), each, index) for each in (first, total, *means))
         dr.eval(first, power, *means)
         return _Groups(first=first, power=power, out=means[0], back=means[1] if len(means) > 1 else None)
 
@@ -343,8 +374,9 @@ class PatchSums:
             ray=dr.gather(mi.UInt32, samples.ray, first),
             offset=dr.gather(mi.Vector3f, samples.offset, first),
             power=groups.power,
+            edge=dr.gather(mi.Float64, samples.edge, first),
         )
-        edge, local = self._edge(one, prints), self._local(one, prints)
+        edge, local = one.edge, self._local(one, prints)
         ray = one.ray
         owner = dr.gather(mi.UInt32, prints.owner, ray)
         key = patch_key(local, edge, owner, self._seed)
@@ -357,7 +389,7 @@ class PatchSums:
         cosine, sine = (dr.gather(mi.Float64, value, ray) for value in (prints.cosine, prints.sine))
         turned = mi.Vector3f(rotated_about_z(aside, cosine, sine))
         out, back = groups.out, groups.back
-        scatterer = _Samples(ray=ray, offset=one.offset + turned, power=one.power)
+        scatterer = _Samples(ray=ray, offset=one.offset + turned, power=one.power, edge=edge)
         scatterer_out, scatterer_back = self._images(scatterer, prints)
         azimuth = dr.gather(mi.UInt32, prints.azimuth, ray)
         here = mi.Point3d(dr.gather(mi.Vector3d, position, azimuth))
@@ -381,9 +413,16 @@ class PatchSums:
         )
 
 
-def _at(points: "mi.Point3d", index: "mi.UInt32") -> "mi.Vector3d":
+def _division(across: "mi.Vector3f", along: "mi.Vector3f", edge_m: "mi.Float") -> "mi.Vector2u":
+    """Return into how many parts of a patch's size footprints are divided, across and along (N)."""
+    wide = dr.maximum(dr.norm(mi.Vector2f(along.x, along.y)), dr.abs(along.z) * (1 / PATCH_HEIGHT))
+    columns = dr.clip(dr.ceil(dr.norm(across) / edge_m), 1, MOST_ACROSS)
+    return mi.Vector2u(mi.UInt32(columns), mi.UInt32(dr.clip(dr.ceil(wide / edge_m), 1, MOST_ALONG)))
+
+
+def _at(points: "mi.Vector3f", index: "mi.UInt32") -> "mi.Vector3f":
     """Return some of the points as vectors."""
-    return mi.Vector3d(dr.gather(type(points), points, index))
+    return dr.gather(mi.Vector3f, points, index)
 
 
 def _edges(

@@ -2,7 +2,8 @@
 
 Surfaces are divided into patches by a world-fixed lattice (by a lattice of its own for a moving object). Each
 patch is one scatterer at a hashed position in it, with a circular complex Gaussian reflectivity: a radar at
-rest sees the same speckle in every scan, and for a moving one it changes through the path lengths alone. The
+rest sees the same speckle in every scan, and for a moving one it changes through the path lengths. Patches
+grow with range in steps, before each of which power passes gradually into those of the next size. The
 intensity of a sum of such scatterers is exponential (Goodman, "Speckle Phenomena in Optics", 2007, ch. 3).
 """
 
@@ -19,9 +20,16 @@ PATCH_STEPS: tuple[tuple[float, float], ...] = (
 )
 """Horizontal edge of a patch [m] up to each range [m]: a few patches across the beam at any range, each as
 wide as a few rays. Speckle decorrelates over wavelength / 2 / beam width, some 0.1 m, whatever their size."""
+TRANSITION = 0.2
+"""Last share of the ranges up to each step in which power passes into the patches of the next size."""
 PATCH_HEIGHT = 3.0
 """Height of a patch over its edge: what lies above each other has nearly the same range."""
 
+_UNTIL_M, _EDGES_M = zip(*PATCH_STEPS, strict=True)
+_COARSER_STEPS = tuple(zip(_UNTIL_M, (*_EDGES_M[1:], _EDGES_M[-1]), strict=True))
+_TRANSITION_STARTS = tuple((until_m, until_m * (1 - TRANSITION)) for until_m in _UNTIL_M)
+_PRIMES = (0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D)
+"""Odd factors whose products spread the numbers of cells over 32 bits."""
 _ORIGIN = (0.0137, 0.0211, 0.0173)
 """Lattice offset, so that its planes do not coincide with common ones (z = 0, kerb heights) [m]."""
 
@@ -77,6 +85,36 @@ def patch_edge_m(range_m: "mi.Float") -> "mi.Float64":
     return by_range(range_m, PATCH_STEPS)
 
 
+def coarser_edge_m(range_m: "mi.Float") -> "mi.Float64":
+    """Return the horizontal edge of the patches of the next size at given ranges.
+
+    Args:
+        range_m: Length of the path out to the patch, unfolded (N) [m].
+
+    Returns:
+        Edges (N) [m]; beyond the last step those of the largest patches.
+    """
+    return by_range(range_m, _COARSER_STEPS)
+
+
+def coarser_share(range_m: "mi.Float") -> "mi.Float":
+    """Return the share of power that patches of the next size have at given ranges.
+
+    Patches of both sizes scatter independently, so that their sum is circular Gaussian whatever the share,
+    and two ranges correlate by sqrt(s s') + sqrt((1 - s) (1 - s')). With s = sin^2 of an angle that grows
+    with range this is the cosine of the difference of the angles, the same anywhere in a transition.
+
+    Args:
+        range_m: Length of the path out to the patch, unfolded (N) [m].
+
+    Returns:
+        Shares (N): 0 up to the start of a transition, 1 just before its end.
+    """
+    start_m = mi.Float(by_range(range_m, _TRANSITION_STARTS))
+    angle = (range_m / start_m - 1) * (math.pi / 2 * (1 - TRANSITION) / TRANSITION)
+    return dr.square(dr.sin(dr.maximum(angle, 0)))
+
+
 def _cell(point: "mi.Float64", axis: int, edge_m: "mi.Float64") -> "mi.Float64":
     return dr.floor((point + _ORIGIN[axis]) / edge_m)
 
@@ -105,7 +143,11 @@ def lattice_key(
 def patch_key(
     point: "mi.Point3d", edge_m: "mi.Float64", owner: "mi.UInt32", seed: "mi.UInt32"
 ) -> "mi.UInt32":
-    """Return a hash of the patch that a point lies in.
+    """Return a hash of the patch that a point lies in, which decides its scatterer.
+
+    Two of a scan's n patches have the same one n^2 / 2^33 times, once or twice in a hundred thousand. Their
+    scatterers are alike then, at places of their own, which no radar can tell. To sum power by patch takes
+    more bits (`patch_number`).
 
     Args:
         point: Points (N) [m].
@@ -116,8 +158,30 @@ def patch_key(
     Returns:
         Hashes (N).
     """
-    step = mi.UInt32(edge_m * (1 / PATCH_STEPS[0][1]) + 0.5)
-    return lattice_key(point, edge_m, owner ^ seed ^ (step << 24), height=PATCH_HEIGHT)
+    return lattice_key(point, edge_m, owner ^ seed ^ _step_bits(edge_m), height=PATCH_HEIGHT)
+
+
+def patch_number(point: "mi.Point3d", edge_m: "mi.Float64", owner: "mi.UInt32") -> "mi.UInt32":
+    """Return another hash of the patch that a point lies in, independent of `patch_key`.
+
+    Args:
+        point: Points (N) [m].
+        edge_m: Edges of the patches (N) [m], from `patch_edge_m`.
+        owner: Tells apart the lattices of moving objects (N).
+
+    Returns:
+        Hashes (N).
+    """
+    number = owner ^ _step_bits(edge_m)
+    for axis, prime in enumerate(_PRIMES):
+        cell = mi.Int32(_cell(point[axis], axis, edge_m * PATCH_HEIGHT if axis == 2 else edge_m))
+        number += dr.reinterpret_array(mi.UInt32, cell) * prime
+    return hash32(number)
+
+
+def _step_bits(edge_m: "mi.Float64") -> "mi.UInt32":
+    """Return the size of patches in the upper bits of a word."""
+    return mi.UInt32(edge_m * (1 / PATCH_STEPS[0][1]) + 0.5) << 24
 
 
 def scatterer_offset(point: "mi.Point3d", edge_m: "mi.Float64", key: "mi.UInt32") -> "mi.Vector3d":
