@@ -41,8 +41,9 @@ LEAST_SOLID_SR = 6e-5
 """Solid angle that the reflecting surfaces of a ghost must fill, some 0.3 m x 0.3 m at 40 m; those of twice
 as much keep all of their power [sr]. No facade is plane and true enough for the chain of mirrors by which a
 smaller spot returns, and rays meet such spots by chance only: ghosts by way of them depend on the draw."""
-LEAST_RAYS = 8
-"""The same as a number of rays, for directions in which rays are few."""
+LEAST_SHARE = 1 / 64
+"""The same as a number of rays over those of an azimuth, 8 of 512, for directions in which rays are few: as a
+share, so that the power of ghosts does not depend on how many rays are sent."""
 REGIONS_M: tuple[tuple[float, float], ...] = ((40.0, 2.0), (80.0, 4.0), (math.inf, 8.0))
 """Edge of the cells of the last surface in which rays count for the same ghost [m], up to each range [m]:
 some 0.1 rad, so that a large surface fills them at any range."""
@@ -142,16 +143,18 @@ class _Groups:
 class PatchSums:
     """Sums what rays return by patch, and gives each patch its speckle."""
 
-    def __init__(self, *, azimuths: int, floor_w: float, seed: int) -> None:
+    def __init__(self, *, azimuths: int, rays: int, floor_w: float, seed: int) -> None:
         """Prepare the texture of all materials.
 
         Args:
             azimuths: Number of azimuths of a scan.
+            rays: Number of rays that are sent for each.
             floor_w: Power below which a patch is left out [W].
             seed: Decides speckle and texture.
         """
         self._row_rad = 2 * math.pi / azimuths
         self._middle_azimuth = azimuths // 2
+        self._least_rays = LEAST_SHARE * rays
         self._floor_w = floor_w
         self._seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
         self._texture = Texture()
@@ -220,7 +223,7 @@ class PatchSums:
         dr.eval(key)
         _, region, count = np.unique(key.numpy(), return_inverse=True, return_counts=True)
         solid_sr = np.bincount(region, 1 / prints.density.numpy().astype(np.float64))
-        share = np.clip(solid_sr / LEAST_SOLID_SR - 1, 0, 1) * np.clip(count / LEAST_RAYS - 1, 0, 1)
+        share = np.clip(solid_sr / LEAST_SOLID_SR - 1, 0, 1) * np.clip(count / self._least_rays - 1, 0, 1)
         return share[region].astype(np.float32)
 
     def _samples(self, prints: Footprints) -> _Samples:

@@ -92,7 +92,9 @@ class Tracer:
         )
         self._least_w = self._floor_w / SAMPLES_BELOW
         self._beam = BeamWeighting(sensor, antenna, floor_w=self._floor_w)
-        self._patches = PatchSums(azimuths=sensor.azimuths, floor_w=self._floor_w, seed=seed)
+        self._patches = PatchSums(
+            azimuths=sensor.azimuths, rays=settings.rays, floor_w=self._floor_w, seed=seed
+        )
         self._slender = None
         if at_rest:
             self._slender = SlenderFacets(at_rest, sensor, antenna, seed=seed, draw=settings.draw)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from echoscape.sim.raytracing.bounces import ReturnPaths
 from echoscape.sim.raytracing.mitsuba_backend import dr, mi
-from echoscape.sim.raytracing.patches import LEAST_RAYS, LEAST_SOLID_SR, Footprints, PatchSums
+from echoscape.sim.raytracing.patches import LEAST_SHARE, LEAST_SOLID_SR, Footprints, PatchSums
 from echoscape.sim.raytracing.surface.speckle import (
     PATCH_HEIGHT,
     PATCH_STEPS,
@@ -22,7 +22,7 @@ from echoscape.sim.raytracing.surface.speckle import (
     scatterer_offset,
 )
 
-AZIMUTHS, SEED = 400, 5
+AZIMUTHS, RAYS, SEED = 400, 512, 5
 ANTENNA = np.array([0.3, -0.2, 2.0])
 POSITION = np.tile(ANTENNA, AZIMUTHS)
 WAVELENGTH_M = 299792458 / 76.5e9
@@ -74,7 +74,9 @@ def footprints(points: Array, power: Array | float = 1.0, **changes: Any) -> Foo
 
 
 def summed(prints: Footprints, *, floor_w: float = 1e-30) -> ReturnPaths:
-    paths = PatchSums(azimuths=AZIMUTHS, floor_w=floor_w, seed=SEED).paths(prints, mi.Float64(POSITION))
+    paths = PatchSums(azimuths=AZIMUTHS, rays=RAYS, floor_w=floor_w, seed=SEED).paths(
+        prints, mi.Float64(POSITION)
+    )
     assert paths is not None
     dr.eval(paths)
     return paths
@@ -338,8 +340,8 @@ def test_small_ghosts_fade_and_echoes_do_not(rays: int, density: float) -> None:
     assert direct == pytest.approx(rays * 1e-12, rel=1e-5)
     solid_sr = rays / density
     # None below the least, all from twice the least on.
-    kept = np.clip([solid_sr / LEAST_SOLID_SR - 1, rays / LEAST_RAYS - 1], 0, 1).prod()
-    sums = PatchSums(azimuths=AZIMUTHS, floor_w=1e-30, seed=SEED)
+    kept = np.clip([solid_sr / LEAST_SOLID_SR - 1, rays / (LEAST_SHARE * RAYS) - 1], 0, 1).prod()
+    sums = PatchSums(azimuths=AZIMUTHS, rays=RAYS, floor_w=1e-30, seed=SEED)
     paths = sums.paths(
         behind_a_mirror(points, 45.0, **given, power=floats(np.full(rays, 1e-12))), mi.Float64(POSITION)
     )
@@ -361,7 +363,7 @@ def test_ghost_of_a_large_surface_keeps_its_power_at_any_range(range_m: float) -
         "density": dr.full(mi.Float, density, len(points)),
         "length": dr.full(mi.Float, range_m, len(points)),
     }
-    sums = PatchSums(azimuths=AZIMUTHS, floor_w=1e-30, seed=SEED)
+    sums = PatchSums(azimuths=AZIMUTHS, rays=RAYS, floor_w=1e-30, seed=SEED)
     paths = sums.paths(
         behind_a_mirror(points, 45.0, **given, power=floats(np.full(len(points), 1e-12))),
         mi.Float64(POSITION),
@@ -389,7 +391,7 @@ def test_footprints_of_the_size_of_several_patches_fill_them() -> None:
 def test_many_weak_rays_make_a_path_and_few_do_not() -> None:
     point = np.tile([[30.0, 0.1, 1.5]], (40, 1))
     assert dr.width(summed(footprints(point, 1e-13), floor_w=1e-12).power) == 1
-    sums = PatchSums(azimuths=AZIMUTHS, floor_w=1e-12, seed=SEED)
+    sums = PatchSums(azimuths=AZIMUTHS, rays=RAYS, floor_w=1e-12, seed=SEED)
     assert sums.paths(footprints(point[:9], 1e-13), mi.Float64(POSITION)) is None
 
 

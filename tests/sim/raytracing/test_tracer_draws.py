@@ -148,6 +148,31 @@ def test_other_seeds_change_the_speckle() -> None:
     assert abs(np.vdot(one, two)) / np.linalg.norm(one) / np.linalg.norm(two) < 0.3
 
 
+def ghost_w(rays: int) -> float:
+    """Mean power of displaced echoes beyond 40 m, between a hall, houses and parked cars, of three draws [W]."""
+    walls = [
+        ("metal", "building", plate([-60, -10, 4], [1, 0.2], 30, 8)),
+        ("concrete", "building", plate([30, 0, 4], [-1, 0.1], 50, 8)),
+        ("brick", "building", plate([0, 20, 4], [0, -1], 60, 8)),
+    ]
+    town = world(("asphalt", "road", GROUND), *walls)
+    car = box_prototype("box", (4.4, 1.8, 1.5), "metal")
+    parked = (straight([-25, -3], [0, 0], yaw=0.2), straight([15, -4], [0, 0], yaw=0.1))
+    movers = tuple(mover(5 + k, car, place) for k, place in enumerate(parked))
+    total = 0.0
+    for draw in range(3):
+        settings = TraceSettings(rays=rays, draw=draw)
+        echoes = Simulator(town, standing(), movers, seed=1, settings=settings).echoes(0)
+        mine = echoes.returns.displaced[echoes.source] & (echoes.range_m > 40)
+        total += float(echoes.mean_power[mine].sum(dtype=np.float64)) / 3
+    return total
+
+
+def test_ghosts_keep_their_power_with_any_number_of_rays() -> None:
+    found_w = np.array([ghost_w(rays) for rays in (128, 256, 512)])
+    np.testing.assert_allclose(10 * np.log10(found_w / found_w[-1]), 0, atol=1.0)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     """What two draws of a scan may differ by, at 10-20, 20-40, 40-80 and 80-160 m; see `DrawStatistics`."""
