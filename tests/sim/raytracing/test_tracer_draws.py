@@ -149,7 +149,7 @@ def test_other_seeds_change_the_speckle() -> None:
 
 
 def ghost_w(rays: int) -> float:
-    """Mean power of displaced echoes beyond 40 m, between a hall, houses and parked cars, of three draws [W]."""
+    """Mean power of displaced echoes beyond 40 m between houses, a hall and parked cars [W]."""
     walls = [
         ("metal", "building", plate([-60, -10, 4], [1, 0.2], 30, 8)),
         ("concrete", "building", plate([30, 0, 4], [-1, 0.1], 50, 8)),
