@@ -1,6 +1,6 @@
 """docs/tutorials: the code of every page runs in order, prints what the page shows and draws its pictures.
 
-A page is run in a folder that holds only examples/. Blocks of Python share one session, and their comments
+A page is run in a folder that holds only `EXAMPLES`. Blocks of Python share one session, and their comments
 after `print` are what they print. Lines of a console block after `$` are commands; the others are their
 output, in which `...` stands for anything. A block that begins with the name of a file as a comment is that
 file.
@@ -26,7 +26,9 @@ from PIL import Image
 from tests.paths import ROOT
 
 PAGES = ROOT / "docs" / "tutorials"
-SLOW = ("training",)
+EXAMPLES = ("yard.obj", "yard.toml")
+"""Files of examples/ that pages use."""
+SLOW = ("ablation", "training")
 """Pages that take more than some ten seconds."""
 NAMES = [
     pytest.param(page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
@@ -104,7 +106,9 @@ def _write_small(drawn: Path, to: Path) -> None:
 
 @pytest.fixture
 def session(tmp_path: Path) -> Session:
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    (tmp_path / "examples").mkdir()
+    for name in EXAMPLES:
+        shutil.copy(ROOT / "examples" / name, tmp_path / "examples")
     return Session(tmp_path)
 
 
