@@ -50,7 +50,7 @@ this page:
 
 The sensor is the CTS350-X at 76.5 GHz (wavelength 3.919 mm) unless a row names another. Rows on windows,
 peaks, the noise floor, the converter and rain use a sweep without the calibrated amplitude ripple
-(`sweep_ripple_db`), which the row on paired echoes and docs/fidelity.md cover.
+(`sweep_ripple_db`), which the row on paired echoes and [fidelity](fidelity.md) cover.
 
 Known limits: the power that rays find in a patch of near ground differs between draws of their directions:
 complex cells of two draws correlate by 0.6 to 0.8 there (soil, 6 to 30 m, default rays; 1 without that).
@@ -62,7 +62,7 @@ Cross-sections of road users are compared with 3GPP TR 38.901 V19.4, Tables 7.9.
 figures at 76-79 GHz (car front and rear 10 to 20, oblique -5 to 5, cyclist -3 to 0, adult about -8 dBsm).
 Measured at these frequencies: Fortuny-Guasch & Chareau, JRC report EUR 25762, 2013 (humans, 24 and 77 GHz);
 Matsunami et al., ICSPCS 2012 (vehicles and pedestrians, 26 and 79 GHz); Buller et al., DOT HS 811 817, 2013
-(cars). Methods differ by 5 dB and more. The whole table by aspect and range is in docs/scenes.md.
+(cars). Methods differ by 5 dB and more. The whole table by aspect and range is in [scenes](scenes.md).
 """
 HEADER = """\
 | law | source | expected | simulated | tolerance | why this tolerance |
