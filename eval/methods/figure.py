@@ -24,8 +24,8 @@ from echoscape.sim.datasets.scan_folder import open_folder
 
 REACH_M = 80.0
 """Range that is shown to each side [m]."""
-_SIDE_IN = 6.0
-_PIXELS = 600
+_SIDE_IN = 5.0
+_PIXELS = 480
 
 
 def write_keypoints_figure(folder: Path, to: Path, *, scan: int = 0) -> None:

@@ -7,10 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from echoscape.eval.methods.graph_matching import most_alike
 from echoscape.eval.methods.keypoint_matcher import KeypointMatcher, MatcherSettings, ScanMatch
 from echoscape.eval.methods.registry import EXTRACTORS
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import open_folder
+from echoscape.sim.datasets.se2 import transform
 from tests.eval.drives import landmarks, scan_of
 from tests.paths import SHARED
 
@@ -112,3 +114,17 @@ def test_a_real_pair(name: str) -> None:
     assert abs(found.motion.yaw_rad - truth[0, 3]) < math.radians(0.15)
     assert found.inliers.sum() > 300
     assert found.inliers.mean() > 0.7
+
+
+@pytest.mark.parametrize(("name", "share"), [("cen2018", 0.43), ("cen2019", 0.53)])
+def test_descriptors_lead_to_the_right_place_in_a_real_pair(name: str, share: float) -> None:
+    pair = SHARED / "real" / "oxford-pair"
+    if not pair.is_dir():
+        pytest.skip("needs real scans in shared/real/oxford-pair beside the checkout")
+    matcher = KeypointMatcher(EXTRACTORS[name]())
+    earlier, later = (matcher.describe(scan) for scan in open_folder(pair))
+    target = most_alike(earlier.descriptors, later.descriptors)
+    motion = matcher.match(earlier, later).motion
+    moved = transform(motion.array, later.keypoints.points_m[target])
+    off_m = np.linalg.norm(moved - earlier.keypoints.points_m, axis=1)
+    assert (off_m < 0.5).mean() == pytest.approx(share, abs=0.015)
