@@ -6,6 +6,7 @@ fixture is used. `pytest --fixtures` lists the fixtures with their docstrings.
 
 import os
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +53,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Select the folder of the cache, for worker processes as well; refuse a seed that is none."""
     config.stash[_WRITERS] = {}
     config.stash[_CACHE_BEFORE] = os.environ.get(_CACHE_VARIABLE)
+    for name in ("cache", "sensor"):
+        _check_path(config, f"--radar-{name}")
     given, written = config.getoption("radar_cache"), config.getini("radar_cache")
     if given or written:
         base = config.invocation_params.dir if given else config.rootpath
@@ -61,6 +64,18 @@ def pytest_configure(config: pytest.Config) -> None:
     seed = _option(config, "seed")
     if seed is not None and not seed.isdecimal():
         raise pytest.UsageError(f"--radar-seed must be a whole number of 0 or more, got {seed!r}")
+
+
+def _check_path(config: pytest.Config, option: str) -> None:
+    """Refuse a path outside of the folder of the run unless it is written after "=".
+
+    pytest looks for its ini file before it knows the options of plugins: it would take the path, if there is
+    one, for a folder of tests, and the folder that holds it and the tests for the root of the project.
+    """
+    words, folder = config.invocation_params.args, config.invocation_params.dir
+    paths = [Path(os.path.normpath(folder / after)) for word, after in pairwise(words) if word == option]
+    if any(not path.is_relative_to(folder) for path in paths):
+        raise pytest.UsageError(f"{option} must be followed by '=' where its path is outside of {folder}")
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

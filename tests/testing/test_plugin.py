@@ -116,6 +116,23 @@ def test_the_cache_of_the_ini_file_is_relative_to_it(
     assert "ECHOSCAPE_CACHE" not in os.environ
 
 
+def test_paths_elsewhere_come_after_an_equals_sign_so_that_pytest_finds_its_ini_file(
+    pytester: pytest.Pytester, tmp_path: Path
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    pytester.makeini("[pytest]\npythonpath = src\n")
+    pytester.mkdir("src").joinpath("module_of_the_project.py").touch()
+    pytester.makepyfile("import module_of_the_project\ndef test(): pass")
+    run(pytester, f"--radar-cache={elsewhere}").assert_outcomes(passed=1)
+    for option in ("--radar-cache", "--radar-sensor"):
+        done = run(pytester, option, str(elsewhere))
+        assert done.ret == pytest.ExitCode.USAGE_ERROR
+        done.stderr.fnmatch_lines([f"*{option} must be followed by '=' where its path is outside of*"])
+    pytester.mkdir("inside")
+    run(pytester, "--radar-cache", "inside").assert_outcomes(passed=1)
+
+
 def test_options_and_fixtures_are_documented(pytester: pytest.Pytester) -> None:
     helped = run(pytester, "--help").stdout.str()
     listed = run(pytester, "--fixtures").stdout.str()

@@ -221,6 +221,20 @@ def test_what_compiles_the_rays_decides_what_is_found(
     assert len(counted.settings) == 2
 
 
+@pytest.mark.parametrize("changed", ["scenes", "sim", "testing", "eval"])
+def test_code_that_makes_a_scan_decides_what_is_found(
+    counted: Counted, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
+    make_scan()
+    forget(monkeypatch)
+    monkeypatch.setattr(
+        "echoscape.sim.generation.cache.code_digest",
+        lambda packages: "changed" if changed in packages else "of the code",
+    )
+    make_scan()
+    assert len(counted.settings) == 1 + (changed != "eval")
+
+
 @pytest.mark.parametrize("damage", ["cut", "flipped", "foreign", "empty", "folder"])
 def test_a_file_that_is_broken_or_foreign_is_made_again(
     counted: Counted, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: str
