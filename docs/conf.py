@@ -17,6 +17,12 @@ _ROOT = _DOCS.parent
 _GENERATED = _DOCS / "generated"
 _COLON = "\ue000"
 """What stands for a colon that Napoleon must not see."""
+_PAGES = {
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changelog.md",
+    "examples/first_scan.ipynb": "generated/first_scan.ipynb",
+}
+"""Pages of the site that lie elsewhere in the repository."""
 
 os.environ["PATH"] = os.pathsep.join(
     [str(Path(sys.executable).parent), os.environ["PATH"]]
@@ -86,14 +92,17 @@ def _copy_notebook(app: Sphinx) -> None:
     shutil.copy(_ROOT / "examples" / "first_scan.ipynb", _GENERATED / "first_scan.ipynb")
 
 
-def _redirect_links(app: Sphinx, path: Path, docname: str, content: list[str]) -> None:
-    """Redirect the links of the root's pages: the site has them among the pages of docs/."""
-    content[0] = content[0].replace("](CHANGELOG.md)", "](changelog.md)").replace("](docs/", "](")
+def _redirect_links(app: Sphinx, docname: str, content: list[str]) -> None:
+    """Redirect links to files of the repository to their pages on the site (content: a list of one text)."""
+    for file, page in _PAGES.items():
+        content[0] = content[0].replace(f"../{file})", f"{page})")
 
 
-def _find_notebook(app: Sphinx, docname: str, content: list[str]) -> None:
-    """Redirect links to the notebook to its copy (content: a list of one text)."""
-    content[0] = content[0].replace("../examples/first_scan.ipynb", "generated/first_scan.ipynb")
+def _redirect_root_links(app: Sphinx, path: Path, docname: str, content: list[str]) -> None:
+    """Do the same for a page of the root, which the site has among those of docs/."""
+    for file, page in _PAGES.items():
+        content[0] = content[0].replace(f"]({file})", f"]({page})")
+    content[0] = content[0].replace("](docs/", "](")
 
 
 def _hide_colons(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
@@ -116,7 +125,7 @@ def _show_colons(app: Sphinx, what: str, name: str, obj: Any, options: Any, line
 def setup(app: Sphinx) -> None:
     """Register what happens before pages are read, and before and after Napoleon (called by Sphinx)."""
     app.connect("builder-inited", _copy_notebook)
-    app.connect("source-read", _find_notebook)
-    app.connect("include-read", _redirect_links)
+    app.connect("source-read", _redirect_links)
+    app.connect("include-read", _redirect_root_links)
     app.connect("autodoc-process-docstring", _hide_colons, priority=400)
     app.connect("autodoc-process-docstring", _show_colons, priority=600)

@@ -12,6 +12,7 @@ from tests.paths import ROOT
 REFERENCE = ROOT / "docs" / "reference"
 PACKAGES = ("scenes", "sim", "learn", "eval", "testing")
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *TUTORIALS, *REFERENCE.glob("*.md")])
 
 
 def test_the_root_page_documents_every_name_of_the_root() -> None:
@@ -44,3 +45,10 @@ def test_the_citation_has_the_version_of_the_package() -> None:
 @pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda path: path.stem)
 def test_the_front_page_leads_to_every_tutorial(tutorial: Path) -> None:
     assert f"](tutorials/{tutorial.name})" in (ROOT / "docs" / "index.md").read_text()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_lead_to_files_in_a_repository_browser_too(page: Path) -> None:
+    prose = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    links = re.findall(r"\]\((?!https?:|#)([^)#\s]+)", prose)
+    assert [link for link in links if not (page.parent / link).exists()] == []
