@@ -199,16 +199,17 @@ def radar_golden(request: pytest.FixtureRequest) -> "Iterator[GoldenScans]":
     """Compare scans with stored ones: `radar_golden.check(scan, "name")`; `--radar-update-golden` stores."""
     from echoscape.testing.golden import GoldenScans
 
+    here = request.config.invocation_params.dir
+    _, *inner = request.node.nodeid.split("::")
     golden = GoldenScans(
         request.path.parent / "golden" / request.path.stem,
-        test=request.node.nodeid,
+        test="::".join([os.path.relpath(request.path, here), *inner]),
         update=bool(request.config.getoption("radar_update_golden")),
         writers=request.config.stash[_WRITERS],
     )
     yield golden
     for path in golden.written:
-        shown = os.path.relpath(path, request.config.invocation_params.dir)
-        request.node.user_properties.append((_WRITTEN, shown))
+        request.node.user_properties.append((_WRITTEN, os.path.relpath(path, here)))
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:

@@ -218,7 +218,7 @@ def test_golden_scans_of_several_processes_are_all_reported(pytester: pytest.Pyt
 
 
 def test_a_golden_scan_lies_beside_its_test_and_fails_without_a_long_traceback(
-    pytester: pytest.Pytester,
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = pytester.mkdir("inner")
     code = (
@@ -228,6 +228,8 @@ def test_a_golden_scan_lies_beside_its_test_and_fails_without_a_long_traceback(
     run(pytester, "--radar-update-golden").assert_outcomes(passed=1)
     assert (folder / "golden" / "test_it" / "x.png").is_file()
     (folder / "test_it.py").write_text(code.format(made="ones"))
+    pytester.makeini("[pytest]")  # tests are named relative to this file, commands to the folder of the run
+    monkeypatch.chdir(folder)
     done = run(pytester)
     done.assert_outcomes(failed=1)
     said = done.stdout.str()
