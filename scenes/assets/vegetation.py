@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.scene import Mesh, Prototype
 from echoscape.scenes.geometry.meshes import merge, mesh, prototype, quads
 from echoscape.scenes.geometry.primitives import tube
@@ -102,9 +103,9 @@ def _crown(tree: Tree, rng: np.random.Generator) -> Mesh:
     count = tree.clusters
     direction = rng.normal(size=(count, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    depth = rng.uniform(0.25, 1.0, (count, 1)) ** 0.4
+    depth = portable_math.power(rng.uniform(0.25, 1.0, (count, 1)), 0.4)
     lumps = 1.0 + 0.12 * np.sin(
-        3.0 * np.arctan2(direction[:, 1:2], direction[:, :1]) + 4.0 * direction[:, 2:]
+        3.0 * portable_math.arctan2(direction[:, 1:2], direction[:, :1]) + 4.0 * direction[:, 2:]
     )
     centre = direction * depth * lumps
     if tree.taper:

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from echoscape.scenes.core import portable_math
+
 STEEPEST_RAD = 0.5
 """Largest pitch and roll of a car on its wheels [rad]."""
 
@@ -116,4 +118,4 @@ def bearing_and_elevation(
     """
     # Not a matrix product: those of BLAS round differently from processor to processor.
     forward, right, up = np.moveaxis((axes * away[..., None, :]).sum(axis=-1), -1, 0)
-    return np.arctan2(right, forward), np.arctan2(up, np.hypot(forward, right))
+    return portable_math.arctan2(right, forward), portable_math.arctan2(up, np.hypot(forward, right))

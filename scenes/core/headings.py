@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.core import portable_math
+
 
 def unwrapped_headings(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the headings of successive vectors without jumps of a full turn.
@@ -13,4 +15,4 @@ def unwrapped_headings(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     Returns:
         Headings (N,) [rad], counter-clockwise from x, each within pi of the one before.
     """
-    return np.unwrap(np.arctan2(vectors[:, 1], vectors[:, 0]))
+    return np.unwrap(portable_math.arctan2(vectors[:, 1], vectors[:, 0]))

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.attitude import Attitude
 from echoscape.scenes.core.checks import check_between
 from echoscape.scenes.core.trajectory import Trajectory
@@ -137,7 +138,8 @@ def _road_angles(
     rear = arc - body.wheelbase_m  # before the start the road is flat
     rear_mean, rear_difference = (np.interp(rear, samples, each) for each in vars(profile).values())
     pitch = (front_mean - rear_mean) / body.wheelbase_m
-    return np.arctan(pitch), np.arctan((front_difference + rear_difference) / (2 * body.track_m))
+    roll = (front_difference + rear_difference) / (2 * body.track_m)
+    return portable_math.arctan(pitch), portable_math.arctan(roll)
 
 
 def _on_springs(

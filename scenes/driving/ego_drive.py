@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import root_scalar
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.checks import check_between, check_whole
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.core.scene import Scene
@@ -302,7 +303,7 @@ def trailing_yaw(path: LanePath, *, rear_axle_m: float) -> NDArray[np.float64]:
     from scipy.signal import lfilter  # slow to import; a drive that is known needs none
 
     ratio = path.step_m / rear_axle_m
-    decay = np.exp(-ratio)
+    decay = portable_math.exp(-ratio)
     mean = (1 - decay) / ratio
     start = path.heading[0] - rear_axle_m * path.curvature[0]
     yaw, _ = lfilter(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.checks import check_between
 from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.core.lane_graph import Lane, RoadGraph
@@ -245,7 +246,8 @@ class _RandomWalk:
         streets = np.array([lane.kind == "street" for lane in self.network.lanes]) & self.network.connected
         weight = np.where(streets, self.network.lengths_m, 0.0)
         # Prefer fast roads: a drive on the motorway preset should start on the motorway.
-        weight = weight * np.array([lane.speed_limit_mps for lane in self.network.lanes]) ** 3
+        limits = np.array([lane.speed_limit_mps for lane in self.network.lanes])
+        weight = weight * (limits * limits * limits)
         long = np.where(self.network.lengths_m >= _MIN_START_LANE_M, weight, 0.0)
         weight = long if long.any() else weight
         if not weight.any():
@@ -288,7 +290,7 @@ class _RandomWalk:
         just_now = 0.02 if lane_id in self.lanes[-12:] else 1.0
         return (
             just_now
-            * float(np.exp(-_STRAIGHT_PREFERENCE * abs(self.network.turn_rad[lane_id])))
+            * float(portable_math.exp(-_STRAIGHT_PREFERENCE * abs(self.network.turn_rad[lane_id])))
             / (1.0 + driven) ** 2
         )
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
-from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+from scipy.ndimage import minimum_filter1d
 
 from echoscape.scenes.core.checks import check_ascending, check_between
+from echoscape.scenes.core.gaussian import gaussian_filter1d
 from echoscape.scenes.driving.lane_path import slow_noise
 
 _CRAWL_MPS = 0.3

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root_scalar
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.headings import unwrapped_headings
 
 _END_POINTS = 12
@@ -237,7 +238,7 @@ def _peak_curvature(lines: NDArray[np.float64]) -> NDArray[np.float64]:
     step = np.diff(lines, axis=1)
     length = np.maximum(np.linalg.norm(step, axis=-1), 1e-9)
     cross = step[:, :-1, 0] * step[:, 1:, 1] - step[:, :-1, 1] * step[:, 1:, 0]
-    bend = np.abs(np.arctan2(cross, np.sum(step[:, :-1] * step[:, 1:], axis=-1)))
+    bend = np.abs(portable_math.arctan2(cross, np.sum(step[:, :-1] * step[:, 1:], axis=-1)))
     return np.max(2 * bend / (length[:, 1:] + length[:, :-1]), axis=1)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.scene import Mesh
 
 _FLAT = 1e-4
@@ -31,7 +32,7 @@ def smoothed(part: Mesh, *, crease_rad: float) -> Mesh:
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     toward, back = edges, -np.roll(edges, 1, axis=1)
     cosine = np.sum(toward * back, axis=2) / np.linalg.norm(toward, axis=2) / np.linalg.norm(back, axis=2)
-    angle = np.arccos(np.clip(cosine, -1, 1)).ravel()
+    angle = portable_math.arccos(np.clip(cosine, -1, 1)).ravel()
     _, place = np.unique(np.round(corners.reshape(-1, 3) * 1e5).astype(np.int64), axis=0, return_inverse=True)
     first, second = _pairs(place.ravel())
     one_surface = np.sum(normal[first // 3] * normal[second // 3], axis=1) > np.cos(crease_rad)

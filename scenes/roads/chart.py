@@ -5,6 +5,7 @@ Streets are laid out as straight lines in the coordinates of the chart and mappe
 
 import numpy as np
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.geometry.curves import Line, resampled, smallest_radius
 
 
@@ -48,7 +49,8 @@ class Chart:
         Returns:
             Points in the world (..., 2) [m].
         """
-        angle = self._turn_rad + self._swirl_rad * np.exp(-np.sum(points**2, axis=-1) / self._reach_m**2)
+        fall = portable_math.exp(-np.sum(points**2, axis=-1) / self._reach_m**2)
+        angle = self._turn_rad + self._swirl_rad * fall
         cos, sin = np.cos(angle), np.sin(angle)
         x, y = points[..., 0], points[..., 1]
         places = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)

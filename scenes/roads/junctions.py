@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.geometry.curves import (
     Line,
@@ -143,7 +144,7 @@ def _trim_arms(network: Network, junction: int, arms: list[Arm]) -> list[float]:
         j = (i + 1) % len(arms)
         gap = min((arms[j].ahead_rad - arms[i].ahead_rad) % (2 * np.pi), _gap_rad(arms[i], arms[j]))
         if gap < np.deg2rad(160):
-            tangent = _RIGHT_RADIUS_M / np.tan(gap / 2)
+            tangent = _RIGHT_RADIUS_M / portable_math.tan(gap / 2)
             for near, far in ((i, j), (j, i)):
                 corner = (outer[far] + outer[near] * np.cos(gap)) / np.sin(gap)
                 cuts[near] = max(cuts[near], corner + tangent)
@@ -172,7 +173,7 @@ def _add_dead_end(builder: LaneGraphBuilder, street: Street, junction: int, arm:
     for before, after in zip(arm.incoming, arm.outgoing, strict=True):
         end, start = builder[before].centre[-1], builder[after].centre[0]
         outward = start - end
-        heading = float(np.arctan2(-outward[0], outward[1]))
+        heading = float(portable_math.arctan2(-outward[0], outward[1]))
         aside = float(np.linalg.norm(outward)) / 2
         line = transformed(
             turnaround(aside, max(TURNAROUND_RADIUS_M, aside + 3.0)), (start + end) / 2, heading

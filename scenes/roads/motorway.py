@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from shapely.geometry import LineString
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.lane_graph import RoadGraph
 from echoscape.scenes.geometry.curves import (
     Line,
@@ -123,7 +124,7 @@ def _slip(
     rise = np.clip(share * (stop - leave) / 420.0, 0, 1)
     fall = np.clip((1 - share) * (stop - leave) / 420.0, 0, 1)
     level = np.minimum(rise, fall)
-    aside = OUTER_M + 46.0 * level**3 * (10 - 15 * level + 6 * level**2)
+    aside = OUTER_M + 46.0 * (level * level * level) * (10 - 15 * level + 6 * level**2)
     line = _beside(middle, leave, stop, aside)
     along = arc_length(line)
     cuts = np.searchsorted(along, [0.0, _TAPER_M, along[-1] - _TAPER_M, along[-1]])
@@ -160,7 +161,7 @@ def _loop(builder: LaneGraphBuilder, before: int, after: int) -> None:
     outward = start - end
     aside = float(np.linalg.norm(outward)) / 2
     radius = min(_LOOP_M.items(), key=lambda item: abs(item[0] - aside))[1]
-    heading = float(np.arctan2(-outward[0], outward[1]))
+    heading = float(portable_math.arctan2(-outward[0], outward[1]))
     line = transformed(turnaround(aside, radius, side_radius_m=70.0), (start + end) / 2, heading)
     line[0], line[-1] = end, start
     lane = builder.add(line, "u_turn", width_m=_LANE_M, speed_mps=_SLIP_MPS, junction=3)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.geometry.curves import Line
 from echoscape.scenes.roads.chart import Chart, chart_street
 from echoscape.scenes.roads.street_network import (
@@ -124,7 +125,7 @@ class _StreetPlan:
         near = node + (other - node) * min(2.0 / float(np.linalg.norm(other - node)), 1.0)
         first, second = self.chart(np.stack([node, near]))
         x, y = second - first
-        return float(np.arctan2(y, x))
+        return float(portable_math.arctan2(y, x))
 
     def neighbours(self, node: int) -> list[int]:
         """Return the nodes connected to `node`."""
@@ -164,7 +165,8 @@ def _outline(half_size_m: tuple[float, float]) -> Line:
     """Return the corners of a ring (10, 2) [m], a superellipse."""
     angle = np.linspace(0, 2 * np.pi, 10, endpoint=False) + 0.2
     cos, sin = np.cos(angle), np.sin(angle)
-    radius = (np.abs(cos) ** 3.0 + np.abs(sin) ** 3.0) ** (-1 / 3.0)
+    cubes = np.abs(cos) ** 2 * np.abs(cos) + np.abs(sin) ** 2 * np.abs(sin)
+    radius = portable_math.power(cubes, -1 / 3.0)
     return np.stack([cos, sin], axis=-1) * radius[:, None] * half_size_m
 
 
@@ -391,7 +393,7 @@ def _roominess(network: Network, junction: int) -> float:
     if len(arms) < 3:
         return -1e6
     lines = [network.streets[s].line if starts else network.streets[s].line[::-1] for s, starts in arms]
-    headings = sorted(float(np.arctan2(*(line[2] - line[0])[::-1])) for line in lines)
+    headings = sorted(float(portable_math.arctan2(*(line[2] - line[0])[::-1])) for line in lines)
     gap = min((b - a) % (2 * np.pi) for a, b in zip(headings, headings[1:] + headings[:1], strict=True))
     shortest = min(network.streets[s].length_m for s, _ in arms)
     wide = sum(network.streets[s].type.lanes > 1 for s, _ in arms)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from echoscape.scenes.assets.buildings.building import building
 from echoscape.scenes.assets.vegetation import hedge
 from echoscape.scenes.assets.walls_fences import fence, wall
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.scene import Mesh, Prototype
 from echoscape.scenes.geometry.meshes import prototype
 from echoscape.scenes.town.presets import PARCEL_RULES, ParcelRule, Preset
@@ -69,7 +70,7 @@ class Designs:
             Meshes in the world by name of the material.
         """
         width, depth = np.hypot(*(footprint[1] - footprint[0])), np.hypot(*(footprint[2] - footprint[1]))
-        misfit = np.abs(np.log(self.size_m / [width, depth, height_m])).sum(axis=1)
+        misfit = np.abs(portable_math.log(self.size_m / [width, depth, height_m])).sum(axis=1)
         drawn = int(np.argsort(misfit, kind="stable")[rng.integers(min(_ALIKE, len(misfit)))])
         return {
             material: Mesh(

@@ -5,6 +5,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import LineString, Point, Polygon
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.geometry.curves import Line, arc_length, headings, points_at, resampled
 from echoscape.scenes.town.gardens import add_boundary, park_vehicle
 from echoscape.scenes.town.parcels import CityBlock
@@ -105,7 +106,7 @@ def lay_car_park(
         for x in np.arange(3.0, size[0] - 3.0, 2.6):
             place = origin + x * along + y * across
             if rng.random() < filled_share and inside.contains(Point(place).buffer(2.6)):
-                yaw = float(np.arctan2(across[1], across[0])) + np.pi * (rng.random() < 0.5)
+                yaw = float(portable_math.arctan2(across[1], across[0])) + np.pi * (rng.random() < 0.5)
                 park_vehicle(builder, str(rng.choice(CARS)), place, block, yaw_rad=yaw)
             foot = place + 4.1 * across
             if row % 2 == 0 and rng.random() < 0.02 and inside.contains(Point(foot)):
@@ -127,7 +128,7 @@ def lay_yard(
     if inside.is_empty:
         return
     origin, along, across, size = _frame(inside)
-    yaw = float(np.arctan2(along[1], along[0]))
+    yaw = float(portable_math.arctan2(along[1], along[0]))
     names = (
         "container_20ft",
         "container_40ft",

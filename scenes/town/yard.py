@@ -11,6 +11,7 @@ from shapely.geometry import LineString, Point, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from echoscape.scenes.assets.buildings.building import building
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.geometry.curves import headings, offset, points_at
 from echoscape.scenes.roads.ground_mesh import Ground, polygons
 from echoscape.scenes.roads.street_network import Network
@@ -76,7 +77,7 @@ def _quarters(site: Polygon, network: Network, ground: Ground) -> list[Polygon]:
 
 def _angle_rad(part: Polygon, middle: NDArray[np.float64]) -> float:
     x, y = np.array(part.centroid.coords[0]) - middle
-    return float(np.arctan2(y, x) % (2 * np.pi))
+    return float(portable_math.arctan2(y, x) % (2 * np.pi))
 
 
 def _surround(builder: SceneBuilder, block: CityBlock, ground: Ground, rng: np.random.Generator) -> None:

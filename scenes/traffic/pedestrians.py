@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
 
+from echoscape.scenes.core.gaussian import gaussian_filter1d
 from echoscape.scenes.core.headings import unwrapped_headings
 from echoscape.scenes.core.trajectory import Trajectory
 from echoscape.scenes.driving.lane_path import smoothed_line

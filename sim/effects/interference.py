@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fftfreq, next_fast_len
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.attitude import bearing_and_elevation
 from echoscape.sim.effects.rain import rain_gain
 from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
@@ -226,7 +227,7 @@ def received_share(
     elevation -= math.radians(sensor.mount_tilt_deg)
     gain = np.sqrt(np.interp(azimuth, antenna.azimuth_grid_rad, antenna.azimuth_two_way))
     gain *= antenna.peak_gain * np.interp(elevation, antenna.elevation_grid_rad, antenna.elevation_one_way)
-    off_axis = principal_angle(np.arctan2(-away[:, 1], -away[:, 0]) - yaw)
+    off_axis = principal_angle(portable_math.arctan2(-away[:, 1], -away[:, 0]) - yaw)
     sent = np.maximum(np.exp2(-((off_axis / math.radians(_HALF_BEAM_DEG)) ** 2)), _LEAST_SENT)
     loss = 10 ** ((sensor.system_loss_db + sensor.azimuth_loss_db) / 20)  # half of the two-way loss
     return sent * gain * (sensor.wavelength_m / (4 * math.pi * range_m)) ** 2 / loss

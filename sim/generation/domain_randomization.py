@@ -5,10 +5,12 @@ differ among each other and from any model. The ranges are about as wide as sens
 mounting and their surroundings differ (idea: Tobin et al., IROS 2017); docs/fidelity.md lists them.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
+from echoscape.scenes.core import portable_math
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.sensor.sensor import Sensor, Table
 from echoscape.sim.settings.artefacts import Artefacts
@@ -85,7 +87,7 @@ def _sensor(sensor: Sensor, rng: np.random.Generator) -> Sensor:
         azimuth_pattern_db=_stretched(sensor.azimuth_pattern_db, azimuth, 180.0),
         elevation_pattern_db=_stretched(sensor.elevation_pattern_db, elevation, 90.0),
         # The last 0.3 dB go into far sidelobes, whose ends are not stretched.
-        antenna_gain_db=sensor.antenna_gain_db - 10 * float(np.log10(azimuth * elevation)) - 0.3,
+        antenna_gain_db=sensor.antenna_gain_db - 10 * math.log10(azimuth * elevation) - 0.3,
     )
     gain = _within(rng, RANGE_GAIN)
     clipping_db = _within(rng, CLIPPING_DB)
@@ -120,8 +122,8 @@ def _artefacts(artefacts: Artefacts, rng: np.random.Generator) -> Artefacts:
 
 def _surfaces(surfaces: SurfaceSettings, rng: np.random.Generator) -> SurfaceSettings:
     """Draw roughness around the given one."""
-    low, high = np.log(ROUGHNESS)
-    height, slope = np.exp(rng.uniform(low, high, 2)).tolist()
+    low, high = portable_math.log(ROUGHNESS)
+    height, slope = portable_math.exp(rng.uniform(low, high, 2)).tolist()
     return SurfaceSettings(
         rms_height=min(surfaces.rms_height * height, MOST_FACTOR),
         rms_slope=min(surfaces.rms_slope * slope, MOST_FACTOR),

@@ -9,6 +9,7 @@ sidelobe of the range window.
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.scene import CLASSES
 from echoscape.sim.datasets.polar_scan import CellTruth, Component, MoverBoxes
 from echoscape.sim.echoes import Echoes
@@ -72,7 +73,7 @@ def meeting_azimuth(position: NDArray[np.float64], poses: AzimuthPoses, sensor: 
     """
     away = position - poses.position[:, :2]
     beam = poses.yaw - sensor.azimuth_rad
-    offset = principal_angle(np.arctan2(away[..., 1], away[..., 0]) - beam)
+    offset = principal_angle(portable_math.arctan2(away[..., 1], away[..., 0]) - beam)
     return np.argmin(np.abs(offset), axis=1)
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from echoscape.scenes.assets.buildings import facade, roof
 from echoscape.scenes.assets.buildings.builder import BuildingBuilder, columns, flat_top
 from echoscape.scenes.assets.buildings.facade import Frame, Grid, grid
+from echoscape.scenes.core import portable_math
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +178,7 @@ def _plant(builder: BuildingBuilder) -> None:
     inward = np.array([-frame.along[1], frame.along[0]])
     room = min(5.0, 0.4 * roof.signed_area(builder.outline) / frame.length_m)
     middle = frame.origin + 0.5 * step + room * inward
-    yaw = float(np.arctan2(step[1], step[0]))
+    yaw = float(portable_math.arctan2(step[1], step[0]))
     reach = 0.18 * frame.length_m
     builder.add(
         "concrete", roof.upright_box(middle, (3.0, 2.4), bottom_m=base, top_m=base + 2.6, yaw_rad=yaw)

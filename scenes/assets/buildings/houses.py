@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from echoscape.scenes.assets.buildings import facade, roof
 from echoscape.scenes.assets.buildings.builder import BuildingBuilder, columns, flat_top
 from echoscape.scenes.assets.buildings.facade import Frame, Grid, Quads, grid
+from echoscape.scenes.core import portable_math
 
 _HEADROOM_M = 2.15
 
@@ -215,7 +216,7 @@ def _chimney(builder: BuildingBuilder, ridge: NDArray[np.float64]) -> None:
     if size < 1.5:
         return
     middle = ridge[0, :2] + along * (0.55 / size)
-    yaw, top = float(np.arctan2(along[1], along[0])), float(ridge[0, 2])
+    yaw, top = float(portable_math.arctan2(along[1], along[0])), float(ridge[0, 2])
     across = np.array([-along[1], along[0]]) / size
     cap = roof.upright_box(middle, (0.7, 1.15), bottom_m=top + 0.85, top_m=top + 0.95, yaw_rad=yaw)
     pots = [

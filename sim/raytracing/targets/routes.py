@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.core import portable_math
 from echoscape.scenes.core.attitude import bearing_and_elevation
 from echoscape.scenes.core.targets import PlacedTarget, Target
 from echoscape.sim.kinematics.rolling_scan import AzimuthPoses
@@ -215,7 +216,7 @@ class RouteSearch:
         away = image - poses.position
         range_m = np.maximum(np.linalg.norm(away, axis=1), 1e-3)
         offset = principal_angle(bearing_and_elevation(poses.axes, away)[0] - self._azimuth_rad)
-        beyond_rad = np.abs(offset) - np.arctan(target.reach_m / range_m)
+        beyond_rad = np.abs(offset) - portable_math.arctan(target.reach_m / range_m)
         main = beyond_rad <= self._main_rad
         # In a left turn it may lie between the main lobes of the last and the first azimuth.
         main[np.argmin(beyond_rad)] = True

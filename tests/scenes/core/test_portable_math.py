@@ -1,0 +1,31 @@
+"""Functions that are the same on every processor: values of the C library, for arrays of any shape."""
+
+import math
+
+import numpy as np
+import pytest
+
+from echoscape.scenes.core import portable_math
+
+X = np.random.default_rng(1).uniform(-3, 3, (50, 4))
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        (
+            portable_math.arctan2(X, X[::-1]),
+            [math.atan2(*each) for each in zip(X.flat, X[::-1].flat, strict=True)],
+        ),
+        (portable_math.arctan(X), [math.atan(each) for each in X.flat]),
+        (portable_math.arccos(X / 3), [math.acos(each / 3) for each in X.flat]),
+        (portable_math.exp(X), [math.exp(each) for each in X.flat]),
+        (portable_math.log(X**2), [math.log(each**2) for each in X.flat]),
+        (portable_math.tan(X), [math.tan(each) for each in X.flat]),
+        (portable_math.power(X**2, 0.4), [math.pow(each**2, 0.4) for each in X.flat]),
+    ],
+)
+def test_values_are_those_of_the_c_library(found: np.ndarray, expected: list[float]) -> None:
+    assert found.dtype == np.float64
+    assert found.shape == X.shape
+    np.testing.assert_array_equal(found.ravel(), expected)
