@@ -44,6 +44,8 @@ figures: demo
 	$(BIN)/echoscape simulate build/junction --seed 101 --scans 40 --workers 2 --no-preview
 	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.figures.scan_image import write_scan_image; \
 		write_scan_image(Path('build/junction'), Path('docs/scan.png'), scan=38)"
+	$(BIN)/python -c "from pathlib import Path; from echoscape.eval.methods.figure import write_keypoints_figure; \
+		write_keypoints_figure(Path('build/junction'), Path('docs/keypoints.png'), scan=38)"
 	ECHOSCAPE_TUTORIAL_FIGURES=1 $(BIN)/python -m pytest -m "slow or not slow" tests/test_tutorials.py
 
 # Tables and figures of docs/fidelity.md: seed 7 was used for the calibration, 101 and 102 were not.

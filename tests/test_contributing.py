@@ -25,6 +25,7 @@ def test_the_walks_reach_their_ends() -> None:
     assert ends == [
         ("scenes/town/build.py", "sim/datasets/files/navtech_png.py"),
         ("sim/datasets/scan_folder.py", "eval/odometry/kitti_drift.py"),
+        ("eval/methods/cen2018.py", "eval/methods/figure.py"),
         ("eval/ablation/study/conditions.py", "eval/ablation/study/report.py"),
         ("testing/plugin.py", "testing/golden_figure.py"),
     ]
