@@ -2,9 +2,9 @@
 
 No such radar exists. Transmitter, receiver and converter are those of the CTS350-X. The antenna is a quarter
 as wide, so that the beam covers as many azimuths. The sweep covers a quarter of the bandwidth at the same
-rate, so that Doppler shifts are as long in metres. That weakens point targets by 18.1 dB relative to the noise;
-the sixteen times larger cell gives surfaces 12 dB back, and lower losses give 6 dB to everything, so that
-surfaces have the codes that the CTS350-X writes.
+rate, so that Doppler shifts are as long in metres. That weakens point targets by 18.1 dB relative to the
+noise; the sixteen times larger cell gives surfaces 12 dB back, and lower losses give 6 dB to everything, so
+that surfaces have the codes that the CTS350-X writes.
 """
 
 from dataclasses import replace
