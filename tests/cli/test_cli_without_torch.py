@@ -52,7 +52,10 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["view", "{data}", "--out", "{out}.html"], "{out}.html"),
         (["fidelity", "{data}", "--out", "{out}"], "{out}/fidelity.json"),
         (["odometry", "{data}", "--out", "{out}", "--method", "fourier"], "{out}/metrics.json"),
-        (["detections", "{data}", "--out", "{out}"], "{out}/detections.json"),
+        (
+            ["detections", "{data}", "--out", "{out}", "--methods", "cfar,kstrongest,cen2018,cen2019"],
+            "{out}/detections.json",
+        ),
         (
             ["artefacts", "{out}", "--preset", "empty", "--scans", "2", "--only", "leakage"],
             "{out}/leakage.png",

@@ -43,16 +43,17 @@ def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return line
 
 
+@pytest.mark.parametrize("method", ["fourier", "cen2018", "cen2019"])
 def test_run_writes_motion_figures_and_pictures(
-    points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    method: str, points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "new" / "out"
-    assert main(["odometry", str(points), "--out", str(out), "--method", "fourier"]) == 0
+    assert main(["odometry", str(points), "--out", str(out), "--method", method]) == 0
     output = capsys.readouterr().out
     assert "none failed" in output
     assert str(out / "metrics.json") in output
     found = json.loads((out / "metrics.json").read_text())
-    assert (found["method"], found["pairs"], found["failed_pairs"]) == ("fourier", 1, 0)
+    assert (found["method"], found["pairs"], found["failed_pairs"]) == (method, 1, 0)
     assert found["translation_error_m_mean"] < 0.1
     assert found["rotation_error_deg_mean"] < 0.45
     assert read_odometry(out / "odometry.csv")[0].x == pytest.approx(MOTION[0], abs=0.1)
