@@ -3,6 +3,7 @@
 import os
 import shutil
 import tempfile
+from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -51,3 +52,15 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def memory_is_given_back() -> None:
     """Commands keep freed memory, which in one process with 2,000 tests adds up to gigabytes."""
     pytest.MonkeyPatch().setattr("echoscape.sim.numerics.malloc.keep_freed_memory", lambda: True)
+
+
+@pytest.fixture
+def no_screen() -> Iterator[None]:
+    """Let pyplot draw into memory, and forget its figures."""
+    from matplotlib import get_backend, pyplot
+
+    before = get_backend()
+    pyplot.switch_backend("agg")
+    yield
+    pyplot.close("all")
+    pyplot.switch_backend(before)

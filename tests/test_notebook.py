@@ -1,10 +1,8 @@
 """examples/first_scan.ipynb: a valid notebook without stored outputs, whose cells run."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
-import matplotlib
 import pytest
 from matplotlib import pyplot
 
@@ -13,16 +11,6 @@ from tests.paths import ROOT
 NOTEBOOK = ROOT / "examples" / "first_scan.ipynb"
 CELLS = json.loads(NOTEBOOK.read_text())["cells"]
 CODE = ["".join(cell["source"]) for cell in CELLS if cell["cell_type"] == "code"]
-
-
-@pytest.fixture
-def no_screen() -> Iterator[None]:
-    """Draw into memory, and forget the figures."""
-    backend = matplotlib.get_backend()
-    pyplot.switch_backend("agg")
-    yield
-    pyplot.close("all")
-    pyplot.switch_backend(backend)
 
 
 def test_it_is_valid() -> None:

@@ -105,7 +105,7 @@ def _write_small(drawn: Path, to: Path) -> None:
 
 
 @pytest.fixture
-def session(tmp_path: Path) -> Session:
+def session(tmp_path: Path, no_screen: None) -> Session:
     (tmp_path / "examples").mkdir()
     for name in EXAMPLES:
         shutil.copy(ROOT / "examples" / name, tmp_path / "examples")
