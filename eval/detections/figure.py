@@ -38,7 +38,7 @@ LEAST_ECHOES = 20
 """Echoes of a range band from which its recall is drawn."""
 _REACH_M = 100.0
 _PIXELS = 600
-_COLUMNS = 4
+_COLUMNS, _LEAST_COLUMNS = 4, 3
 _FEW = 1000
 """Detections below which dots are larger."""
 _WIDTH_IN = 18.0
@@ -53,8 +53,8 @@ def detections_page(result: DetectionResult) -> bytes:
     Returns:
         The bytes of a PNG file.
     """
-    columns = min(max(len(result.methods), 3), _COLUMNS)
-    rows = -(-len(result.methods) // columns)
+    rows = -(-len(result.methods) // _COLUMNS)
+    columns = max(-(-len(result.methods) // rows), _LEAST_COLUMNS)
     side_in = 0.95 * _WIDTH_IN / columns
     top_in, scans_in = 6.4, rows * (side_in + 0.35)
     height_in = top_in + scans_in + 0.8
@@ -81,8 +81,9 @@ def _caption(page: Figure, result: DetectionResult, height_in: float) -> None:
     y = 1 - 0.5 / height_in
     page.text(0.022, y, "Detections", size=25, color=INK, weight="bold", **style)
     targets = "direct static echoes" if result.settings.targets == "static" else "direct echoes"
+    scans = "1 scan" if result.scans == 1 else f"{result.scans} scans"
     text = (
-        f"{result.folder}   ·   {result.scans} scans   ·   {targets}, {result.near_m:.0f} to "
+        f"{result.folder}   ·   {scans}   ·   {targets}, {result.near_m:.0f} to "
         f"{result.far_m:.0f} m   ·   true within {result.settings.tolerance_m:g} m"
     )
     page.text(0.978, y, text, size=13, color=FAINT, ha="right", **style)
@@ -126,7 +127,7 @@ def _recall(axes: Axes, result: DetectionResult) -> None:
         axes.plot((bands + 0.5) * BAND_M, found[bands] / echoes[bands], ".-", ms=9, lw=2, color=colour)
     style_curves(axes, "range [m]", "recall of echoes")
     axes.set(xlim=(0, result.far_m), ylim=(0, 1.02))
-    _titled(axes, "Recall by range", f"echoes of {result.settings.min_snr_db:g} dB or more above the noise")
+    _titled(axes, "Recall by range", f"echoes {result.settings.min_snr_db:g} dB above the noise")
 
 
 def _false_alarms(axes: Axes, methods: Sequence[JudgedMethod]) -> None:

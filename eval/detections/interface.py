@@ -47,10 +47,11 @@ class ScoredScan:
     Attributes:
         detections: The places that it reports.
         score_map: Every place that it scores, reported or not: the cells of the scan, or pixels of an image.
+            None of a detector that scores nothing but what it reports.
     """
 
     detections: Detections
-    score_map: Detections
+    score_map: Detections | None = None
 
 
 class Detector(Protocol):

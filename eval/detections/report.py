@@ -205,8 +205,9 @@ def conditions(result: DetectionResult) -> str:
     """
     settings = result.settings
     targets = "direct static echoes" if settings.targets == "static" else "direct echoes"
+    scans = "1 scan" if result.scans == 1 else f"{result.scans} scans"
     return (
-        f"{result.scans} scans, {targets} from {result.near_m:.0f} to {result.far_m:.0f} m; a detection is "
+        f"{scans}, {targets} from {result.near_m:.0f} to {result.far_m:.0f} m; a detection is "
         f"true within {settings.tolerance_m:g} m of one; recall of echoes of {settings.min_snr_db:g} dB or "
         "more above the noise."
     )

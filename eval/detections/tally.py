@@ -32,7 +32,7 @@ class Tally:
         objects_found_by: Objects of which an echo was found, by class (..., classes); an object counts once
             in each scan.
         objects_by: All objects with an echo, likewise.
-        map_true: Scored places at a target by level (..., levels).
+        map_true: Scored places at a target by level (..., levels); 0 of a detector without a map of scores.
         map_all: All scored places within the judged ranges by level (..., levels).
     """
 
@@ -178,6 +178,8 @@ def _map_counts(
 ) -> dict[str, NDArray[np.int64]]:
     """Return the counts of the scored places."""
     places = scored.score_map
+    if places is None:
+        return {name: np.zeros(LEVELS, np.int64) for name in ("map_true", "map_all")}
     bins, judged = targets.places(places)
     level = levels_of(places.score, limits)
     at_target = judged & targets.near_target[places.azimuth, bins]
