@@ -18,7 +18,7 @@ from echoscape.eval.methods.runs import Runs
 from echoscape.sim.datasets.polar_scan import PolarScan
 
 _HIGHEST_SCORE = 32.0
-"""Scores above it count as it; those of real scans reach 13."""
+"""Scores above it count as it; those of a real scan reach 13."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,15 +28,17 @@ class Cen2018Settings:
     threshold: float = 3.0
     """z_q: least level of a keypoint, in standard deviations of the noise."""
     noise_factor: float = math.sqrt(2)
-    """Standard deviation of the noise over the root mean square of the values below the mean. It is 1 for
-    symmetric noise and nothing else; echoes lift the mean of an azimuth above its noise."""
-    smoothing_m: float = 0.734
+    """Standard deviation that is taken for the noise, over the root mean square of the values below the mean.
+    For symmetric noise without echoes it would be 1."""
+    smoothing_m: float = 0.7344
     """Standard deviation of the Gaussian low-pass along range [m]: 17 bins of 0.0432 m."""
     near_m: float = 2.5
     """Range below which there are no keypoints [m]: leakage and the car itself are there."""
 
     def __post_init__(self) -> None:
-        for name in ("threshold", "noise_factor", "smoothing_m"):
+        if not 0 < self.threshold < _HIGHEST_SCORE:
+            raise ValueError(f"threshold must be above 0 and below 32, got {self.threshold}")
+        for name in ("noise_factor", "smoothing_m"):
             if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"{name} must be finite and above 0, got {getattr(self, name)}")
         if not 0 <= self.near_m < math.inf:
