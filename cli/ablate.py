@@ -17,9 +17,9 @@ from echoscape.cli.options.backend_option import load_ray_tracer
 from echoscape.cli.options.scene_options import Preset, SimulationOptions
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.torch_setup import require_torch
+from echoscape.scenes.io.scene_file import AnyScene
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.scenes.io.target_toml import read_targets
-from echoscape.scenes.io.user_scene import UserScene
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.layouts.registry import LayoutName
 from echoscape.sim.generation.config import SimulationConfig
@@ -49,7 +49,7 @@ class DriveOptions(SimulationOptions):
     """For folders only."""
     layout: tyro.conf.Suppress[tyro.conf.Fixed[LayoutName | None]] = None
     """Always Oxford's."""
-    scene: tyro.conf.Suppress[tyro.conf.Fixed[UserScene | None]] = None
+    scene: tyro.conf.Suppress[tyro.conf.Fixed[AnyScene | None]] = None
     """Given by --worlds."""
 
 
@@ -66,8 +66,8 @@ class Options:
     """Folder to write: table.csv, drives.csv, table.md, summary.png, curves.png, report.html, the settings,
     and a result for each drive, condition and method."""
     worlds: tuple[str, ...]
-    """Drives, each as PRESET:SEED, such as town:7 suburb:8, or SCENE.toml:SEED (docs/scenes.md). Intervals
-    need six or more."""
+    """Drives, each as PRESET:SEED, such as town:7 suburb:8, SCENE.toml:SEED or MAP.osm:SEED
+    (docs/scenes.md). Intervals need six or more."""
     artefact: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """An artefact or fault with its strengths, such as ghosts=0,0.5,2; off is 0, default the strength of the
     default condition. Give it once for each artefact. docs/ablation.md lists the faults."""

@@ -36,6 +36,8 @@ class Options:
     """Artefacts to show, by their names under --artefacts; by default all."""
     scene: Path | None = None
     """TOML file of a custom scene in place of a preset; its keys: docs/scenes.md."""
+    osm: Path | None = None
+    """OpenStreetMap extract (.osm, .osm.gz, or JSON of Overpass) in place of a preset (docs/scenes.md)."""
     targets: Path | None = None
     """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
     backend: Backend = field(default_factory=selected_backend)
@@ -67,7 +69,9 @@ def main(arguments: Sequence[str]) -> int:
 
 def _written(options: Options, words: Sequence[str]) -> tuple[list["ArtefactChange"], tuple[Path, ...]]:
     """Refuse what cannot be drawn, then draw."""
-    config = simulation_config(options.simulation, scene=options.scene, targets=options.targets)
+    config = simulation_config(
+        options.simulation, scene=options.scene, targets=options.targets, osm=options.osm
+    )
     index = config.scans // 2 if options.scan is None else options.scan
     load_ray_tracer(options.backend, words)
     from echoscape.eval.ablation.cases import chosen_cases

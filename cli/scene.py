@@ -36,6 +36,8 @@ class Options:
     """Scans whose drive is shown; a custom drive is shown whole."""
     scene: Path | None = None
     """TOML file of a custom scene in place of a preset; its keys: docs/scenes.md."""
+    osm: Path | None = None
+    """OpenStreetMap extract (.osm, .osm.gz, or JSON of Overpass) in place of a preset (docs/scenes.md)."""
     targets: Path | None = None
     """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
 
@@ -73,7 +75,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _config(options: Options) -> SimulationConfig:
     flags = SimulationOptions(preset=options.preset, seed=options.seed, scans=options.scans)
-    return simulation_config(flags, scene=options.scene, targets=options.targets)
+    return simulation_config(flags, scene=options.scene, targets=options.targets, osm=options.osm)
 
 
 def _refuse(message: str) -> int:

@@ -37,6 +37,8 @@ class Options:
     (for tests), or a TOML file with the keys of docs/sensors.md. --sensor.* change single numbers of it."""
     scene: Path | None = None
     """TOML file of a custom scene in place of a preset; its keys: docs/scenes.md."""
+    osm: Path | None = None
+    """OpenStreetMap extract (.osm, .osm.gz, or JSON of Overpass) in place of a preset (docs/scenes.md)."""
     targets: Path | None = None
     """TOML file of test targets to put into the world; its keys: docs/scenes.md."""
     randomize: bool = False
@@ -90,13 +92,13 @@ def _defaults(words: Sequence[str]) -> Options:
     manifest, radar = option_value("--from", words), option_value("--radar", words)
     simulation = SimulationOptions()
     if manifest:
-        from echoscape.scenes.io.user_scene import read_user_scene
+        from echoscape.scenes.io.scene_file import read_scene_file
         from echoscape.sim.datasets.files.metadata import read_manifest
         from echoscape.sim.generation.config_json import read_config
         from echoscape.sim.generation.manifest import version_difference
 
-        scene = option_value("--scene", words)
-        config = read_config(Path(manifest), scene=read_user_scene(scene) if scene else None)
+        scene = option_value("--scene", words) or option_value("--osm", words)
+        config = read_config(Path(manifest), scene=read_scene_file(scene) if scene else None)
         differing = version_difference(read_manifest(Path(manifest)))
         if differing:
             print(f"echoscape simulate: {manifest}: bytes may differ, as {differing}", file=sys.stderr)
@@ -114,11 +116,12 @@ def _defaults(words: Sequence[str]) -> Options:
 def _config(options: Options, words: Sequence[str]) -> SimulationConfig:
     """Return the configuration of the run; a world that is given replaces the one of --from."""
     simulation = options.simulation
-    if options.manifest is not None and options.scene is not None and option_value("--preset", words) is None:
+    given = options.scene is not None or options.osm is not None
+    if options.manifest is not None and given and option_value("--preset", words) is None:
         simulation = replace(simulation, preset="")
     if options.manifest is not None and option_value("--preset", words) is not None:
         simulation = replace(simulation, scene=None)
-    config = simulation_config(simulation, scene=options.scene, targets=options.targets)
+    config = simulation_config(simulation, scene=options.scene, targets=options.targets, osm=options.osm)
     if not options.randomize:
         return config
     if config.randomized:

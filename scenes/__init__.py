@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from echoscape.scenes.core.target_meshes import with_targets as with_targets
     from echoscape.scenes.core.targets import Target as Target
     from echoscape.scenes.driving.ego_drive import plan_ego_drive as plan_ego_drive
+    from echoscape.scenes.io.osm.build import build_osm_scene as build_osm_scene
+    from echoscape.scenes.io.osm.extract import read_osm as read_osm
     from echoscape.scenes.io.user_scene import read_user_scene as read_user_scene
     from echoscape.scenes.town.build import build_town as build_town
     from echoscape.scenes.traffic.plan import plan_traffic as plan_traffic
@@ -25,6 +27,8 @@ else:
             "core.target_meshes": ["with_targets"],
             "core.targets": ["Target"],
             "driving.ego_drive": ["plan_ego_drive"],
+            "io.osm.build": ["build_osm_scene"],
+            "io.osm.extract": ["read_osm"],
             "io.user_scene": ["read_user_scene"],
             "town.build": ["build_town"],
             "traffic.plan": ["plan_traffic"],

@@ -1,6 +1,7 @@
 """Options of the commands that build a world: a simulation's settings, a scene file, a file of test targets.
 
-A scene and targets are TOML files, whose contents become part of the simulation's configuration.
+A scene and targets are TOML files, a map is an OpenStreetMap extract. What they hold becomes part of the
+simulation's configuration.
 """
 
 from dataclasses import dataclass, fields
@@ -9,8 +10,10 @@ from typing import Annotated, Any, cast
 
 import tyro
 
+from echoscape.scenes.io.osm.extract import read_osm
+from echoscape.scenes.io.scene_file import AnyScene
 from echoscape.scenes.io.target_toml import AnyTarget, read_targets
-from echoscape.scenes.io.user_scene import UserScene, read_user_scene
+from echoscape.scenes.io.user_scene import read_user_scene
 from echoscape.sim.datasets.layouts.registry import LAYOUTS, LayoutName, layout_named
 from echoscape.sim.generation.config import DEFAULT_PRESET, SimulationConfig
 
@@ -45,7 +48,7 @@ class SimulationOptions(SimulationConfig):
         LayoutName | None, _LAYOUT, tyro.conf.arg(help_behavior_hint="(default: the radar's own)")
     ] = None
     """Layout of the folder; by default that of the published scans of this radar, or Oxford's."""
-    scene: tyro.conf.Suppress[tyro.conf.Fixed[UserScene | None]] = None
+    scene: tyro.conf.Suppress[tyro.conf.Fixed[AnyScene | None]] = None
     """Read from a file."""
     targets: tyro.conf.Suppress[tyro.conf.Fixed[tuple[AnyTarget, ...]]] = ()
     """Read from a file."""
@@ -69,7 +72,7 @@ class ScanOptions(SimulationOptions):
 
 
 def simulation_config(
-    options: SimulationConfig, *, scene: Path | None, targets: Path | None
+    options: SimulationConfig, *, scene: Path | None, targets: Path | None, osm: Path | None
 ) -> SimulationConfig:
     """Combine options and files into the configuration of a simulation.
 
@@ -77,15 +80,20 @@ def simulation_config(
         options: The options; their scene and targets hold where no file is named.
         scene: TOML file of a custom scene.
         targets: TOML file of test targets.
+        osm: An OpenStreetMap extract.
 
     Returns:
         The configuration, checked.
 
     Raises:
-        ValueError: The settings do not make a data set.
+        ValueError: The settings do not make a data set, or both a scene and a map are given.
         SceneError: A file cannot be read, or does not describe a scene or targets.
     """
     settings: dict[str, Any] = {each.name: getattr(options, each.name) for each in fields(SimulationConfig)}
+    if scene is not None and osm is not None:
+        raise ValueError("osm must not be given beside a scene")
+    if osm is not None:
+        settings["scene"] = read_osm(osm)
     if scene is not None:
         settings["scene"] = read_user_scene(scene)
     if targets is not None:

@@ -96,6 +96,7 @@ MATERIAL_COLOURS = {
     "rubber": "#22252b",
     "person": "#e0b090",
     "fittings": "#6f7a84",
+    "water": "#2c4a63",
 }
 """Colours of surfaces on a plan, by material."""
 GROUND_COLOUR = "#1b2420"

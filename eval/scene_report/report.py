@@ -15,6 +15,7 @@ import numpy as np
 from echoscape.eval.scene_report.figure import ScenePlan, scene_page
 from echoscape.eval.scene_report.statistics import Inventory, inventory
 from echoscape.scenes.io.gltf_export import scene_to_glb
+from echoscape.scenes.io.user_scene import UserScene
 from echoscape.sim.datasets.files.atomic_write import temporary_beside
 from echoscape.sim.datasets.files.output_folder import (
     check_output_folder,
@@ -33,7 +34,7 @@ _PATH_STEP_S = 0.1
 def write_scene(out: Path, config: SimulationConfig, *, progress: Progress | None = None) -> Inventory:
     """Build the world of a configuration and write its files.
 
-    A user's drive is shown whole, that of a preset as far as the scans of the configuration go.
+    A user's drive is shown whole, that of a preset or a map as far as the scans of the configuration go.
 
     Args:
         out: Folder to write to, new or empty.
@@ -51,7 +52,7 @@ def write_scene(out: Path, config: SimulationConfig, *, progress: Progress | Non
     report = progress or (lambda stage, done, total: None)
     check_output_folder(out, empty=True)
     report("world", 0, 1)
-    setup = build_scene(config, whole_drive=config.scene is not None)
+    setup = build_scene(config, whole_drive=isinstance(config.scene, UserScene))
     counts = inventory(setup.scene)
     report("world", 1, 1)
     with _new_folder(out) as folder:
@@ -67,8 +68,10 @@ def write_scene(out: Path, config: SimulationConfig, *, progress: Progress | Non
 
 
 def _world_name(config: SimulationConfig) -> str:
-    """Return the name of the world: the file of its mesh, or its preset and seed."""
-    return f"{config.preset}, seed {config.seed}" if config.scene is None else config.scene.file
+    """Return the name of the world: the file of its mesh, or its preset or map and seed."""
+    if isinstance(config.scene, UserScene):
+        return config.scene.file
+    return f"{config.preset if config.scene is None else config.scene.file}, seed {config.seed}"
 
 
 def _plan(scene_file: Path, config: SimulationConfig, setup: SceneSetup, counts: Inventory) -> ScenePlan:
@@ -78,21 +81,23 @@ def _plan(scene_file: Path, config: SimulationConfig, setup: SceneSetup, counts:
         inventory=counts,
         path=setup.drive.trajectory.pose(_path_times_s(config, setup))[:, :2],
         targets=setup.scene.targets,
-        all_faces=config.scene is not None,
+        all_faces=isinstance(config.scene, UserScene),
     )
 
 
 def _path_times_s(config: SimulationConfig, setup: SceneSetup) -> np.ndarray:
     """Return the times (P,) at which the drive on the plan is sampled [s]."""
     until_s = setup.drive.duration_s
-    if config.scene is None:
+    if not isinstance(config.scene, UserScene):
         until_s = min(until_s, config.scans * config.longest_revolution_s)
     return np.linspace(0.0, until_s, int(np.ceil(until_s / _PATH_STEP_S)) + 1)
 
 
 def _json(config: SimulationConfig, setup: SceneSetup, counts: Inventory) -> str:
+    origin = setup.scene.origin_deg
     content = {
         "world": _world_name(config),
+        **({} if origin is None else {"origin_deg": origin}),
         **asdict(counts),
         "drive_s": round(setup.drive.duration_s, 3),
         "targets": [{"instance": placed.instance, **asdict(placed.target)} for placed in setup.scene.targets],

@@ -259,6 +259,22 @@ MATERIALS: dict[str, Material] = {
                 "calibrated to cross-sections of vehicles"
             ),
         ),
+        Material(
+            name="water",
+            a=8.85,
+            b=0.0,
+            c=68.0,
+            d=0.0,
+            band_ghz=(74.0, 79.0),
+            source=(
+                "fresh water at 20 degC, permittivity 8.85 - 16.0j at 76.5 GHz: double-Debye model of "
+                "Liebe, Hufford & Manabe, Int. J. Infrared and Millimeter Waves 12 (1991)"
+            ),
+            rms_height_m=0.0005,
+            scattering=0.1,
+            rms_slope_rad=0.05,
+            roughness_source="ripples in light wind, taken as a rough surface; estimated",
+        ),
     )
 }
 

@@ -123,6 +123,8 @@ class Scene:
         roads: Lanes, footpaths and kerbs.
         bounds_m: Extent x0, y0, x1, y1 of the scene in the world [m].
         targets: Test targets of the scene.
+        origin_deg: Latitude and longitude of the world's origin, WGS84, where it has one [deg]; see
+            `scenes.io.osm.elements.projection.LocalProjection` for those of other places.
     """
 
     preset: str
@@ -134,6 +136,7 @@ class Scene:
     roads: RoadGraph
     bounds_m: tuple[float, float, float, float]
     targets: tuple[PlacedTarget, ...] = ()
+    origin_deg: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

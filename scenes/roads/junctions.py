@@ -30,6 +30,8 @@ TURNAROUND_RADIUS_M = 7.0
 _TURNAROUND_ROOM_M = 15.0
 _RIGHT_RADIUS_M = 10.0
 _SHARPEST_M = 5.2
+_NARROWEST_RAD = np.deg2rad(20.0)
+"""Angle between two arms below which trimming them further would not part them."""
 
 
 class Arm(NamedTuple):
@@ -144,6 +146,7 @@ def _trim_arms(network: Network, junction: int, arms: list[Arm]) -> list[float]:
         j = (i + 1) % len(arms)
         gap = min((arms[j].ahead_rad - arms[i].ahead_rad) % (2 * np.pi), _gap_rad(arms[i], arms[j]))
         if gap < np.deg2rad(160):
+            gap = max(gap, _NARROWEST_RAD)
             tangent = _RIGHT_RADIUS_M / portable_math.tan(gap / 2)
             for near, far in ((i, j), (j, i)):
                 corner = (outer[far] + outer[near] * np.cos(gap)) / np.sin(gap)
@@ -158,6 +161,13 @@ def _street_lanes(
     kind = street.type
     line = resampled(section(street.line, trims[0], street.length_m - trims[1]), 0.5)
     forward, backward = [], []
+    if kind.oneway:
+        for number in range(kind.lanes):
+            centre = offset(line, kind.lane_edge_m - (number + 0.5) * kind.lane_width_m)
+            forward.append(
+                builder.add(centre, "street", width_m=kind.lane_width_m, speed_mps=kind.speed_limit_mps)
+            )
+        return tuple(forward), ()
     for number in range(kind.lanes):
         aside = (number + 0.5) * kind.lane_width_m
         for centre, ids in ((offset(line, -aside), forward), (offset(line, aside)[::-1], backward)):
@@ -169,7 +179,9 @@ def _street_lanes(
 
 
 def _add_dead_end(builder: LaneGraphBuilder, street: Street, junction: int, arm: Arm) -> None:
-    """Connect the lanes of a dead end by turnarounds, the innermost by the smallest."""
+    """Connect the lanes of a dead end by turnarounds, the innermost by the smallest; no one-way street."""
+    if street.type.oneway:
+        return
     for before, after in zip(arm.incoming, arm.outgoing, strict=True):
         end, start = builder[before].centre[-1], builder[after].centre[0]
         outward = start - end
@@ -187,7 +199,13 @@ def _add_dead_end(builder: LaneGraphBuilder, street: Street, junction: int, arm:
 def _add_crossing(builder: LaneGraphBuilder, network: Network, junction: int, arms: list[Arm]) -> None:
     """Add every movement between arms: left turns from the innermost lane, right turns from the outermost."""
     for arm in arms:
-        bends = {i: _bend_rad(arm, other) for i, other in enumerate(arms) if other is not arm}
+        bends = {
+            i: _bend_rad(arm, other)
+            for i, other in enumerate(arms)
+            if other is not arm and other.outgoing and arm.incoming
+        }
+        if not bends:  # one-way: nothing comes from this arm, or nothing leads on
+            continue
         straight = min(bends, key=lambda i: abs(bends[i]))
         for i, bend in bends.items():
             others = arms[i].outgoing

@@ -14,11 +14,12 @@ class StreetType:
 
     Attributes:
         name: Name of the type.
-        lanes: Number of lanes in each direction.
+        lanes: Number of lanes in each direction; of a one-way street, of all its lanes.
         lane_width_m: Width of a lane [m].
         parking_m: Width of the parking strip on each side [m], 0 for none.
         pavement_m: Width of the pavement on each side [m], 0 for none.
         speed_limit_mps: Speed limit [m/s].
+        oneway: Whether all lanes lead from the start of the street to its end.
     """
 
     name: str
@@ -27,16 +28,17 @@ class StreetType:
     parking_m: float
     pavement_m: float
     speed_limit_mps: float
+    oneway: bool = False
 
     @property
     def half_width_m(self) -> float:
         """Distance from the middle of the carriageway to the kerb [m]."""
-        return self.lanes * self.lane_width_m + self.parking_m
+        return self.lane_edge_m + self.parking_m
 
     @property
     def lane_edge_m(self) -> float:
         """Distance from the middle of the carriageway to the outer edge of the outermost lane [m]."""
-        return self.lanes * self.lane_width_m
+        return self.lanes * self.lane_width_m / (2 if self.oneway else 1)
 
 
 AVENUE = StreetType(

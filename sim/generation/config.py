@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 
 from echoscape.scenes.core.checks import check_whole
 from echoscape.scenes.driving.ego_drive import DURATION_RANGE_S, DriveSettings
+from echoscape.scenes.io.scene_file import AnyScene
 from echoscape.scenes.io.target_toml import AnyTarget
 from echoscape.scenes.io.user_scene import UserScene
 from echoscape.scenes.town.presets import PRESETS
@@ -55,9 +56,10 @@ class SimulationConfig:
     drive: DriveSettings = field(default_factory=DriveSettings)
     """How the car is driven."""
     traffic: TrafficSettings = field(default_factory=TrafficSettings)
-    """Other road users; not with a custom scene."""
-    scene: UserScene | None = None
-    """A custom scene in place of a preset, see `scenes.io.user_scene`; preset is then "custom"."""
+    """Other road users; not with a custom scene of a mesh, which has no roads."""
+    scene: AnyScene | None = None
+    """A custom scene or an OpenStreetMap extract in place of a preset, see `scenes.io.user_scene` and
+    `scenes.io.osm.extract`; preset is then "custom"."""
     targets: tuple[AnyTarget, ...] = ()
     """Test targets in addition to those of the scene, see `scenes.core.targets`."""
     randomized: bool = False
@@ -69,7 +71,7 @@ class SimulationConfig:
             object.__setattr__(self, "preset", DEFAULT_PRESET if self.scene is None else CUSTOM_PRESET)
         elif self.scene is not None:
             raise ValueError(f"preset must not be given beside a scene, got {self.preset!r}")
-        if self.scene is not None:
+        if isinstance(self.scene, UserScene):
             _check_default("traffic", self.traffic, "which has no traffic")
             _check_default("drive", self.drive, "which brings its drive")
         if self.scene is None and self.preset not in PRESETS:

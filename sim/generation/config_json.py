@@ -1,7 +1,7 @@
 """A simulation's configuration as JSON, and back: starts a run again from the echoscape.json of another.
 
 A custom scene is recorded without its folder, so that bytes do not depend on where its files lie. To start
-again, its mesh must lie beside echoscape.json, or its TOML file must be given.
+again, its mesh or map must lie beside echoscape.json, or its TOML file must be given.
 """
 
 import json
@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from echoscape.scenes.io.mesh_import import mesh_sha256
+from echoscape.scenes.io.osm.extract import OsmExtract, file_sha256
+from echoscape.scenes.io.scene_file import AnyScene
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.scenes.io.user_scene import UserScene
 from echoscape.sim.datasets.files.atomic_write import DatasetError
@@ -33,7 +35,7 @@ def config_content(config: SimulationConfig) -> dict[str, Any]:
     return json.loads(manifest_text(content))
 
 
-def read_config(path: Path, *, scene: UserScene | None = None) -> SimulationConfig:
+def read_config(path: Path, *, scene: AnyScene | None = None) -> SimulationConfig:
     """Read the configuration of a data set.
 
     Args:
@@ -57,7 +59,7 @@ def read_config(path: Path, *, scene: UserScene | None = None) -> SimulationConf
 
 
 def config_of(
-    content: dict[str, Any], *, scene: UserScene | None = None, folder: Path | None = None
+    content: dict[str, Any], *, scene: AnyScene | None = None, folder: Path | None = None
 ) -> SimulationConfig:
     """Convert the content of echoscape.json to the configuration of its data set.
 
@@ -88,10 +90,12 @@ def config_of(
         raise DatasetError(f"config: {error}") from error
 
 
-def _recorded_scene(content: Any, folder: Path | None) -> UserScene:
-    """Return a recorded scene with the folder in which its mesh lies unchanged."""
+def _recorded_scene(content: Any, folder: Path | None) -> AnyScene:
+    """Return a recorded scene with the folder in which its mesh or map lies unchanged."""
     if not isinstance(content, dict) or "folder" in content:
         raise DatasetError("config.scene must be a table without folder")
+    if "origin_deg" in content:
+        return _recorded_map(content, folder)
     scene = from_json(UserScene, content | {"folder": folder or Path()}, "config.scene")
     hint = "give the TOML file of the scene, or put the mesh beside echoscape.json"
     if folder is None or not scene.mesh_path.is_file():
@@ -103,3 +107,18 @@ def _recorded_scene(content: Any, folder: Path | None) -> UserScene:
     if found != scene.sha256:
         raise DatasetError(f"config.scene: {scene.mesh_path} is not the mesh of the data set; {hint}")
     return replace(scene, folder=folder.absolute())
+
+
+def _recorded_map(content: dict[str, Any], folder: Path | None) -> OsmExtract:
+    """Return a recorded extract with the folder in which its file lies unchanged."""
+    extract = from_json(OsmExtract, content | {"folder": folder or Path()}, "config.scene")
+    hint = "give it by --osm, or put it beside echoscape.json"
+    if folder is None or not extract.path.is_file():
+        raise DatasetError(f"config.scene: the map {extract.file} is recorded without its folder; {hint}")
+    try:
+        found = file_sha256(extract.path)
+    except SceneError as error:
+        raise DatasetError(f"config.scene: {error}") from error
+    if found != extract.sha256:
+        raise DatasetError(f"config.scene: {extract.path} is not the map of the data set; {hint}")
+    return replace(extract, folder=folder.absolute())

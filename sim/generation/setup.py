@@ -13,10 +13,12 @@ from echoscape.scenes.core.scene import Mover, Scene
 from echoscape.scenes.core.target_meshes import with_targets
 from echoscape.scenes.driving.clearance import first_collision
 from echoscape.scenes.driving.ego_drive import EgoDrive, plan_ego_drive
+from echoscape.scenes.io.osm.build import build_osm_scene
+from echoscape.scenes.io.osm.extract import OsmExtract
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.scenes.io.target_toml import placed_targets
 from echoscape.scenes.io.user_drive import UserDrive
-from echoscape.scenes.io.user_scene import build_user_scene
+from echoscape.scenes.io.user_scene import UserScene, build_user_scene
 from echoscape.scenes.town.build import build_town
 from echoscape.scenes.traffic.plan import plan_traffic
 from echoscape.sim.datasets.files.record_file import record_bytes
@@ -53,11 +55,12 @@ def build_scene(config: SimulationConfig, *, whole_drive: bool = False) -> Scene
         SceneError: The mesh of a custom scene is broken or lacks a rule, the drive is shorter than the scans,
             or a custom object or target is in its path; the message names it.
     """
-    if config.scene is None:
+    if not isinstance(config.scene, UserScene):
         scene = _town(config)
         drive = _drive(scene, config)
         names = ["an object of the town"] * len(scene.instance_class)
         targets, first_instance = config.targets, len(names)
+        whole_drive = False
     else:
         world = build_user_scene(config.scene, seed=config.seed)
         scene, drive, names = world.scene, world.drive, [f"object {name!r}" for name in world.names]
@@ -101,8 +104,20 @@ def add_traffic(setup: SceneSetup, config: SimulationConfig) -> SceneSetup:
 
 def _town(config: SimulationConfig) -> Scene:
     """Return the town, from the cache where it was built before."""
-    settings = {"preset": config.preset, "seed": config.seed}
-    return cached("town", Scene, settings, lambda: build_town(config.preset, seed=config.seed))
+    settings = {"preset": config.preset, "seed": config.seed, **_map_of(config)}
+    return cached("town", Scene, settings, lambda: _built(config))
+
+
+def _built(config: SimulationConfig) -> Scene:
+    """Build the world of a map or of a preset."""
+    if isinstance(config.scene, OsmExtract):
+        return build_osm_scene(config.scene, seed=config.seed)
+    return build_town(config.preset, seed=config.seed)
+
+
+def _map_of(config: SimulationConfig) -> dict[str, str]:
+    """Return what tells one map from another; nothing for a preset."""
+    return {"map": config.scene.sha256} if isinstance(config.scene, OsmExtract) else {}
 
 
 def _drive(scene: Scene, config: SimulationConfig) -> EgoDrive:
@@ -110,6 +125,7 @@ def _drive(scene: Scene, config: SimulationConfig) -> EgoDrive:
     settings = {
         "preset": config.preset,
         "seed": config.seed,
+        **_map_of(config),
         "duration_s": config.duration_s,
         "drive": asdict(config.drive),
     }
@@ -126,6 +142,7 @@ def _traffic(scene: Scene, drive: EgoDrive, config: SimulationConfig) -> tuple[M
     settings = {
         "preset": scene.preset,
         "seeds": [scene.seed, config.seed],
+        **_map_of(config),
         "targets": [asdict(target) for target in scene.targets],
         "drive": hashlib.sha256(record_bytes(drive, EgoDrive, key="")).hexdigest(),
         "traffic": asdict(config.traffic),

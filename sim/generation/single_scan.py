@@ -7,8 +7,9 @@ later read the folder that `echoscape simulate` writes.
 from functools import lru_cache
 
 from echoscape.scenes.core.checks import check_whole
+from echoscape.scenes.io.scene_file import AnyScene
 from echoscape.sim.datasets.polar_scan import PolarScan
-from echoscape.sim.generation.config import DEFAULT_PRESET, SimulationConfig
+from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.setup import SceneSetup, add_traffic, build_scene
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.sensor import Sensor
@@ -19,8 +20,9 @@ DEFAULT_SCANS = SimulationConfig(preset="empty").scans
 
 
 def scan(
-    preset: str = DEFAULT_PRESET,
+    preset: str = "",
     *,
+    scene: AnyScene | None = None,
     seed: int = 0,
     index: int = 0,
     scans: int = DEFAULT_SCANS,
@@ -32,8 +34,10 @@ def scan(
     Building the world takes seconds; it is kept for the next call with the same arguments but `index`.
 
     Args:
-        preset: Kind of world: town, suburb, industrial, motorway, open, yard or empty (a road on a
-            plane, with traffic).
+        preset: Kind of world: town (the default), suburb, industrial, motorway, open, yard or empty (a road
+            on a plane, with traffic).
+        scene: A custom scene or a map in place of a preset, see `read_user_scene` and `read_osm` of
+            `echoscape.scenes`.
         seed: Seed of the world, the drive, the traffic, rays, speckle and noise.
         index: Number of the scan, from 0.
         scans: Scans of the whole drive, as in `echoscape simulate --scans`.
@@ -45,13 +49,19 @@ def scan(
 
     Raises:
         ValueError: `index` is not below `scans`, or another argument cannot be simulated.
+        SceneError: The scene's file has changed or is broken, or its drive too short or obstructed.
     """
     check_whole(scans=scans, least=1)
     check_whole(index=index, least=None)
     if not 0 <= index < scans:
         raise ValueError(f"index must be from 0 to scans - 1 ({scans - 1}), got {index}")
     config = SimulationConfig(
-        preset=preset, seed=seed, scans=scans, sensor=sensor, artefacts=artefacts or Artefacts()
+        preset=preset,
+        scene=scene,
+        seed=seed,
+        scans=scans,
+        sensor=sensor,
+        artefacts=artefacts or Artefacts(),
     )
     return _simulator(config).scan(index)
 

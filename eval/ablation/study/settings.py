@@ -8,7 +8,7 @@ from typing import Any
 
 from echoscape.eval.ablation.study.conditions import Condition, runs
 from echoscape.eval.odometry.methods import MethodChoice
-from echoscape.scenes.io.user_scene import read_user_scene
+from echoscape.scenes.io.scene_file import is_scene_file, read_scene_file
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.manifest import manifest
 
@@ -92,9 +92,11 @@ def ablation_drive(word: str, settings: SimulationConfig) -> AblationDrive:
     """
     world, colon, seed = word.rpartition(":")
     if not (colon and world and seed.isdecimal()):
-        raise ValueError(f"a world must be PRESET:SEED, such as town:7, or SCENE.toml:SEED, got {word!r}")
-    custom = world.endswith(".toml")
-    scene = read_user_scene(Path(world)) if custom else None
+        raise ValueError(
+            f"a world must be PRESET:SEED, such as town:7, SCENE.toml:SEED or MAP.osm:SEED, got {word!r}"
+        )
+    custom = is_scene_file(world)
+    scene = read_scene_file(Path(world)) if custom else None
     config = replace(settings, preset="" if custom else world, scene=scene, seed=int(seed), layout="oxford")
     return AblationDrive(name=f"{Path(world).stem}_{int(seed)}", config=config)
 

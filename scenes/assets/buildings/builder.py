@@ -21,6 +21,8 @@ class BuildingBuilder:
         open_edges: Whether each edge has windows; the others are party walls.
         height_m: Height of the walls [m].
         rng: Random generator.
+        roof_shape: "flat", "gabled", "hipped" or "mansard" where the roof of a house is given; "" draws it.
+        roof_rise_m: Height of a pitched roof above the walls [m]; None draws it.
         made: Quads of each material so far.
     """
 
@@ -28,6 +30,8 @@ class BuildingBuilder:
     open_edges: list[bool]
     height_m: float
     rng: np.random.Generator
+    roof_shape: str = ""
+    roof_rise_m: float | None = None
     made: dict[str, list[Quads]] = field(default_factory=dict)
 
     @cached_property

@@ -18,6 +18,7 @@ from echoscape.scenes.assets.buildings.warehouses import hall
 from echoscape.scenes.core.scene import Mesh
 
 Style = Literal["terrace", "house", "block", "hall", "tower"]
+ROOF_SHAPES = ("flat", "gabled", "hipped", "mansard")
 STYLES: tuple[Style, ...] = ("terrace", "house", "block", "hall", "tower")
 
 
@@ -28,6 +29,8 @@ def building(
     style: Style,
     rng: np.random.Generator,
     facades: Sequence[bool] | None = None,
+    roof_shape: str = "",
+    roof_rise_m: float | None = None,
 ) -> dict[str, Mesh]:
     """Make a building on z = 0.
 
@@ -38,6 +41,8 @@ def building(
         rng: Random generator.
         facades: Whether each edge, from corner i to corner i + 1, has windows (N,); the others are plain
             party walls. None for windows on all edges.
+        roof_shape: Roof of a house or terrace, one of `ROOF_SHAPES`; "" draws it. Others have their own.
+        roof_rise_m: Height of the ridge of a house or terrace above its walls [m]; None draws it.
 
     Returns:
         Meshes in the world by name of the material.
@@ -50,12 +55,23 @@ def building(
         raise ValueError(f"footprint must be (N >= 3, 2) and counter-clockwise, got shape {outline.shape}")
     if style not in STYLES:
         raise ValueError(f"style must be one of {STYLES}, got {style!r}")
+    if roof_shape and roof_shape not in ROOF_SHAPES:
+        raise ValueError(f"roof_shape must be one of {ROOF_SHAPES}, got {roof_shape!r}")
+    if roof_rise_m is not None and not roof_rise_m > 0:
+        raise ValueError(f"roof_rise_m must be above 0, got {roof_rise_m}")
     if not height_m >= 2.0:
         raise ValueError(f"height_m must be at least 2, got {height_m}")
     open_edges = [True] * len(outline) if facades is None else [bool(edge) for edge in facades]
     if len(open_edges) != len(outline):
         raise ValueError(f"facades must have {len(outline)} entries, got {len(open_edges)}")
-    builder = BuildingBuilder(outline=outline, open_edges=open_edges, height_m=height_m, rng=rng)
+    builder = BuildingBuilder(
+        outline=outline,
+        open_edges=open_edges,
+        height_m=height_m,
+        rng=rng,
+        roof_shape=roof_shape,
+        roof_rise_m=roof_rise_m,
+    )
     _BUILDERS[style](builder)
     return builder.meshes()
 

@@ -71,7 +71,7 @@ def _dwelling(builder: BuildingBuilder, look: _HouseLook, *, hip: bool) -> None:
             _house_facade(builder, frame, look, is_front=edge == front)
         else:
             builder.add(look.wall, frame.to_world(facade.panels(0.0, frame.length_m, 0.0, builder.height_m)))
-    _house_roof(builder, look, hip=hip)
+    _house_roof(builder, look, hip=builder.roof_shape == "hipped" if builder.roof_shape else hip)
 
 
 def _house_facade(builder: BuildingBuilder, frame: Frame, look: _HouseLook, *, is_front: bool) -> None:
@@ -177,7 +177,10 @@ def _bay(builder: BuildingBuilder, frame: Frame, look: _HouseLook, left: float, 
 
 def _house_roof(builder: BuildingBuilder, look: _HouseLook, *, hip: bool) -> None:
     """Add a pitched roof over a quadrilateral, or a mansard roof over any other outline."""
-    if len(builder.outline) != 4:
+    if builder.roof_shape == "flat":
+        flat_top(builder, look.wall, parapet_m=0.4)
+        return
+    if len(builder.outline) != 4 or builder.roof_shape == "mansard":
         _mansard(builder, look)
         return
     lengths = [frame.length_m for frame in builder.frames]
@@ -189,6 +192,8 @@ def _house_roof(builder: BuildingBuilder, look: _HouseLook, *, hip: bool) -> Non
     is_open = np.array(builder.open_edges)[order]
     overhang = np.where(is_open, [0.32, 0.2, 0.32, 0.2], 0.0) if not hip else np.full(4, 0.32) * is_open
     slope = builder.rng.uniform(0.65, 0.95)
+    if builder.roof_rise_m is not None:
+        slope = builder.roof_rise_m / roof.half_span_m(builder.outline[order])
     surfaces, gables, ridge = roof.pitched_roof(
         builder.outline[order], overhang, height_m=builder.height_m, slope=slope, hip=hip
     )

@@ -155,7 +155,7 @@ def pitched_roof(
     """
     outer = offset_outline(outline, overhang_m)
     ridge = 0.5 * (outline + np.roll(outline, -1, axis=0))[[3, 1]]  # over edges 3 and 1
-    run = 0.25 * float(np.linalg.norm(outline[0] - outline[3]) + np.linalg.norm(outline[1] - outline[2]))
+    run = half_span_m(outline)
     top, drop = height_m + slope * run, height_m - slope * float(max(overhang_m[[0, 2]]))
     if hip:
         span = ridge[1] - ridge[0]
@@ -187,6 +187,18 @@ def pitched_roof(
     pa, pb, pc, pd = raised(outline, height_m)
     gables = np.stack([[pb, pc, wall_ridge[1], pb], [pd, pa, wall_ridge[0], pd]])
     return np.concatenate(surfaces), gables, wall_ridge
+
+
+def half_span_m(outline: NDArray[np.float64]) -> float:
+    """Return half the mean distance between the eaves of a pitched roof.
+
+    Args:
+        outline: Counter-clockwise footprint (4, 2) with eaves on edges 0 and 2 [m].
+
+    Returns:
+        The run of its slopes [m].
+    """
+    return 0.25 * float(np.linalg.norm(outline[0] - outline[3]) + np.linalg.norm(outline[1] - outline[2]))
 
 
 def upright_box(

@@ -1,0 +1,1 @@
+"""Elements of an OpenStreetMap extract: the file, tags, projection and polygons."""
