@@ -1,11 +1,13 @@
 """Functions that are the same on every processor: values of the C library, for arrays of any shape."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 from echoscape.scenes.core import portable_math
+from tests.paths import ROOT
 
 X = np.random.default_rng(1).uniform(-3, 3, (50, 4))
 
@@ -29,3 +31,16 @@ def test_values_are_those_of_the_c_library(found: np.ndarray, expected: list[flo
     assert found.dtype == np.float64
     assert found.shape == X.shape
     np.testing.assert_array_equal(found.ravel(), expected)
+
+
+def test_worlds_use_no_function_that_differs_between_processors() -> None:
+    functions = "arctan2|arctan|arccos|arcsin|exp|log|log10|tan|sinh|cosh|tanh|power"
+    forbidden = re.compile(rf"\bnp\.({functions})\b|scipy.ndimage import .*gaussian_filter")
+    sources = [path for path in (ROOT / "scenes").rglob("*.py")]
+    assert len(sources) > 50
+    used = [
+        f"{path.relative_to(ROOT)}: {found[0]}"
+        for path in sources
+        for found in forbidden.finditer(path.read_text(encoding="utf-8"))
+    ]
+    assert not used
