@@ -21,8 +21,8 @@ class Cen2019Settings:
     """How many stretches are taken, and from where on."""
 
     regions: int = 1000
-    """l_max: stretches that are marked at most, those of the highest score first. Those without a neighbour
-    in an adjacent azimuth give no keypoint."""
+    """l_max: stretches that are marked at most, those of the highest score first; the default is for some 400
+    azimuths. Those without a neighbour in an adjacent azimuth give no keypoint."""
     cells: int | None = None
     """Mark so many cells of the highest scores in place of whole stretches, as the public implementation of
     Burnett et al., RA-L 2021, does with 10,000: their number then tells how the strongest cells are
