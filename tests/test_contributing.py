@@ -27,5 +27,6 @@ def test_the_walks_reach_their_ends() -> None:
         ("sim/datasets/scan_folder.py", "eval/odometry/kitti_drift.py"),
         ("eval/methods/cen2018.py", "eval/methods/figure.py"),
         ("eval/ablation/study/conditions.py", "eval/ablation/study/report.py"),
+        ("eval/detections/interface.py", "eval/detections/report.py"),
         ("testing/plugin.py", "testing/golden_figure.py"),
     ]

@@ -53,6 +53,12 @@ def scored(found: Detections) -> ScoredScan:
     return ScoredScan(detections=found, score_map=found)
 
 
+def map_of(found: ScoredScan) -> Detections:
+    """The map of scores of a detector that has one."""
+    assert found.score_map is not None
+    return found.score_map
+
+
 def within(cell: tuple[int, int], place: tuple[int, int], *, azimuths: int, tolerance_m: float) -> bool:
     """Whether a place (azimuth, bin) is within the tolerance of a cell, from the definition."""
     across = abs(cell[0] - place[0])

@@ -20,7 +20,7 @@ from echoscape.eval.detections.cfar import (
 from echoscape.sim.receiver.quantiser import codes
 from echoscape.sim.sensor.cts350x import CTS350X
 from echoscape.sim.sensor.link_budget import window
-from tests.eval.detections.made_scans import made_scan
+from tests.eval.detections.made_scans import made_scan, map_of
 
 KINDS = [CfarSettings, OrderedCfarSettings]
 
@@ -135,7 +135,7 @@ def test_a_target_is_detected_once_at_its_peak_with_its_level_above_the_noise(
     assert found.score[0] == pytest.approx(10 * math.log10(2**13 * 4 / 3 / noise), abs=0.01)
     every = Cfar(kind(peaks=False), bin_m=0.1).detect(made_scan(image))
     assert every.detections.range_m.tolist() == pytest.approx([14.85, 14.95, 15.05, 15.15, 15.25])
-    assert len(every.score_map) == image.size
+    assert len(map_of(every)) == image.size
 
 
 def test_a_strong_neighbour_masks_a_target_from_averages_but_not_from_order_statistics() -> None:

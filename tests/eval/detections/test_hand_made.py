@@ -8,6 +8,7 @@ from echoscape.eval.detections.registry import MethodSettings, build_detectors
 from echoscape.eval.methods.cen2018 import Cen2018Settings
 from echoscape.eval.methods.registry import EXTRACTORS
 from echoscape.sim.sensor.cts350x import CTS350X
+from tests.eval.detections.made_scans import map_of
 from tests.eval.methods.polar_scans import BIN_M, receiver_noise, scan_of_codes, with_echo
 
 SCAN = scan_of_codes(with_echo(receiver_noise(60, 800), 20, 500))
@@ -23,10 +24,10 @@ def test_detections_are_the_keypoints_and_their_cells(name: str) -> None:
     np.testing.assert_array_equal(found.detections.azimuth, keypoints.azimuth)
     np.testing.assert_array_equal(bins, keypoints.bin)
     assert (20, 500) in set(zip(found.detections.azimuth, bins, strict=True))
-    assert len(found.score_map) == 60 * 800
+    assert len(map_of(found)) == 60 * 800
     low, high = detector.score_limits
-    assert low <= found.score_map.score.min() <= found.score_map.score.max() <= high
-    assert found.score_map.score.reshape(60, 800)[20, 500] == pytest.approx(
+    assert low <= map_of(found).score.min() <= map_of(found).score.max() <= high
+    assert map_of(found).score.reshape(60, 800)[20, 500] == pytest.approx(
         found.detections.score.max(), rel=0.1
     )
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from echoscape.eval.detections.k_strongest import KStrongest, KStrongestSettings
-from tests.eval.detections.made_scans import BIN_M, made_scan
+from tests.eval.detections.made_scans import BIN_M, made_scan, map_of
 
 
 @given(seed=st.integers(0, 2**32 - 1), k=st.integers(1, 12))
@@ -29,7 +29,7 @@ def test_more_cells_than_there_are_keeps_all() -> None:
     found = KStrongest(KStrongestSettings(k=999, floor_db=0.0, near_m=0.0)).detect(
         made_scan(np.ones((3, 20)))
     )
-    assert len(found.detections) == len(found.score_map) == 60
+    assert len(found.detections) == len(map_of(found)) == 60
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from echoscape.learn.data.image_settings import ImageSettings  # noqa: E402
 from echoscape.learn.model.keypoint_model import KeypointModel  # noqa: E402
 from echoscape.learn.model.model_settings import ModelSettings  # noqa: E402
 from echoscape.learn.odometry.keypoint_detector import KeypointDetector  # noqa: E402
-from tests.eval.detections.made_scans import made_scan  # noqa: E402
+from tests.eval.detections.made_scans import made_scan, map_of  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def test_keypoints_are_where_the_network_has_them(detector: KeypointDetector, sc
     expected = detector.detect(scan)
     found = LearnedKeypoints(detector).detect(scan)
     assert len(found.detections) == 16
-    assert len(found.score_map) == 64**2
+    assert len(map_of(found)) == 64**2
     assert_allclose(found.detections.range_m, expected.range_m, rtol=1e-6)
     steps = (expected.azimuth_rad - scan.first_azimuth_rad) / (2 * np.pi / 400)
     assert_array_equal(found.detections.azimuth, np.rint(steps).astype(int) % 400)
@@ -39,7 +39,7 @@ def test_scores_below_the_floor_are_left_out(detector: KeypointDetector, scan) -
     found = LearnedKeypoints(detector, least_score=floor).detect(scan)
     assert 0 < len(found.detections) < 16
     assert found.detections.score.min() >= floor
-    assert len(found.score_map) == 64**2
+    assert len(map_of(found)) == 64**2
 
 
 def test_pixels_lie_where_the_image_shows_them(scan) -> None:
@@ -54,4 +54,4 @@ def test_pixels_lie_where_the_image_shows_them(scan) -> None:
 def test_the_same_scan_gives_the_same_keypoints(detector: KeypointDetector, scan) -> None:
     first, second = (LearnedKeypoints(detector).detect(scan) for _ in range(2))
     assert_array_equal(first.detections.score, second.detections.score)
-    assert_array_equal(first.score_map.score, second.score_map.score)
+    assert_array_equal(map_of(first).score, map_of(second).score)
