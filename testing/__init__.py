@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from echoscape.testing.golden import GoldenScans as GoldenScans
     from echoscape.testing.scans import ScanPair as ScanPair
-    from echoscape.testing.scans import TargetScan as TargetScan
     from echoscape.testing.scans import make_drive as make_drive
     from echoscape.testing.scans import make_pair as make_pair
     from echoscape.testing.scans import make_scan as make_scan
-    from echoscape.testing.scans import make_target as make_target
     from echoscape.testing.settings import ScanSettings as ScanSettings
+    from echoscape.testing.target import TargetScan as TargetScan
+    from echoscape.testing.target import make_target as make_target
 else:
     from lazy_loader import attach
 
@@ -21,7 +21,8 @@ else:
         __name__,
         submod_attrs={
             "golden": ["GoldenScans"],
-            "scans": ["ScanPair", "TargetScan", "make_drive", "make_pair", "make_scan", "make_target"],
+            "scans": ["ScanPair", "make_drive", "make_pair", "make_scan"],
             "settings": ["ScanSettings"],
+            "target": ["TargetScan", "make_target"],
         },
     )

@@ -17,7 +17,8 @@ from echoscape.testing.settings import CLEAN, ScanSettings
 if TYPE_CHECKING:
     from echoscape.sim.datasets.polar_scan import PolarScan
     from echoscape.testing.golden import GoldenScans
-    from echoscape.testing.scans import ScanPair, TargetScan
+    from echoscape.testing.scans import ScanPair
+    from echoscape.testing.target import TargetScan
 
 _CACHE_VARIABLE = "ECHOSCAPE_CACHE"
 _WRITTEN = "radar_golden"
@@ -143,7 +144,7 @@ def make_radar_scan(radar_settings: ScanSettings) -> "Callable[..., PolarScan]":
 @pytest.fixture(scope="session")
 def make_radar_target(radar_settings: ScanSettings) -> "Callable[..., TargetScan]":
     """Make a scan of a corner reflector: `make_radar_target(range_m=20, bearing_rad=-0.3, artefacts=...)`."""
-    from echoscape.testing.scans import make_target
+    from echoscape.testing.target import make_target
 
     def make(range_m: float | None = None, bearing_rad: float | None = None, **changes: Any) -> "TargetScan":
         return make_target(range_m, bearing_rad, settings=radar_settings, **changes)

@@ -1,11 +1,6 @@
 """Scans for tests are those of the simulator, with the truth that they state; they are read-only and kept."""
 
-import json
 import math
-import subprocess
-import sys
-from dataclasses import fields, is_dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +11,7 @@ import echoscape
 from echoscape.sim.datasets.polar_scan import Component, PolarScan
 from echoscape.sim.sensor.registry import SENSORS
 from echoscape.sim.settings.artefacts import Artefacts
-from echoscape.testing import ScanPair, ScanSettings, TargetScan, make_drive, make_pair, make_scan, scans
-from echoscape.testing.scans import make_target
+from echoscape.testing import ScanPair, make_drive, make_pair, make_scan
 
 # ---------------------------------------------------------------------- content
 
@@ -84,194 +78,6 @@ def test_a_drive_is_ten_successive_scans_that_begin_with_the_pair(
     assert make_pair(index=4) == (radar_drive[4], radar_drive[5], make_pair(index=4).motion)
 
 
-# ---------------------------------------------------------------------- targets
-
-
-def _peak(target: TargetScan) -> tuple[int, int]:
-    row, column = np.unravel_index(int(target.scan.codes.argmax()), target.scan.codes.shape)
-    return int(row), int(column)
-
-
-def test_the_strongest_cell_of_the_default_target_is_at_its_range_and_bearing(
-    radar_target: TargetScan,
-) -> None:
-    row, column = _peak(radar_target)
-    assert (column + 0.5) * radar_target.scan.bin_m == pytest.approx(radar_target.range_m, abs=1e-9)
-    assert radar_target.scan.azimuth_rad[row] == pytest.approx(radar_target.bearing_rad, abs=1e-9)
-    assert (row, column) == (radar_target.azimuth, radar_target.bin)
-
-
-@pytest.mark.parametrize(
-    ("range_m", "bearing_rad"), [(10.0, 0.0), (23.4, -0.7), (50.0, 3.1), (41.0, 1.9), (65.0, 5.5)]
-)
-def test_the_peak_is_within_a_bin_of_the_range_and_half_a_step_of_the_bearing(
-    range_m: float, bearing_rad: float
-) -> None:
-    target = make_target(range_m, bearing_rad)
-    row, column = _peak(target)
-    assert abs((column + 0.5) * target.scan.bin_m - range_m) <= 1.5 * target.scan.bin_m
-    off_rad = (target.scan.azimuth_rad[row] - bearing_rad + math.pi) % (2 * math.pi) - math.pi
-    assert abs(off_rad) <= 1.01 * math.pi / 100
-    assert abs(target.bin - column) <= 2
-    assert target.azimuth == row
-
-
-def test_the_car_is_at_rest_before_the_target(radar_target: TargetScan) -> None:
-    assert radar_target.scan.truth is not None
-    assert np.ptp(radar_target.scan.truth.pose, axis=0).max() == 0
-    assert not radar_target.scan.truth.cells.moving.any()
-
-
-# ---------------------------------------------------------------------- read-only
-
-
-def _arrays(record: object) -> list[NDArray]:
-    found = []
-    for each in fields(record):  # pyright: ignore[reportArgumentType]
-        value = getattr(record, each.name)
-        found += [value] if isinstance(value, np.ndarray) else _arrays(value) if is_dataclass(value) else []
-    return found
-
-
-def test_no_array_of_a_scan_or_of_its_truth_can_be_written_to(
-    radar_scan: PolarScan, radar_target: TargetScan
-) -> None:
-    arrays = _arrays(radar_scan) + _arrays(radar_target.scan)
-    assert len(arrays) > 30
-    for array in arrays:
-        with pytest.raises(ValueError, match="read-only"):
-            array[...] = 0
-
-
-# ---------------------------------------------------------------------- on disk
-
-
-class Counted:
-    """Stands for the simulation, and counts."""
-
-    def __init__(self, scan: PolarScan) -> None:
-        self.scan = scan
-        self.settings: list[ScanSettings] = []
-
-    def __call__(self, settings: ScanSettings) -> PolarScan:
-        self.settings.append(settings)
-        return self.scan
-
-
-@pytest.fixture
-def counted(radar_scan: PolarScan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Counted:
-    """Simulations are counted; nothing is in memory or on disk."""
-    made = Counted(radar_scan)
-    monkeypatch.setattr(scans, "_simulated", made)
-    monkeypatch.setattr(scans, "_MEMORY", {})
-    monkeypatch.setattr("echoscape.sim.generation.cache.code_digest", lambda *_: "of the code")
-    monkeypatch.setenv("ECHOSCAPE_CACHE", str(tmp_path / "cache"))
-    return made
-
-
-def only_file(tmp_path: Path) -> Path:
-    (path,) = (tmp_path / "cache").iterdir()
-    return path
-
-
-def forget(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scans, "_MEMORY", {})
-
-
-def test_a_scan_is_simulated_once_and_comes_back_equal_and_read_only(
-    counted: Counted, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    first = make_scan()
-    assert make_scan() is first
-    forget(monkeypatch)
-    again = make_scan()
-    assert again == first
-    assert again is not first
-    assert not any(array.flags.writeable for array in _arrays(again))
-    assert len(counted.settings) == 1
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"preset": "empty"},
-        {"seed": 8},
-        {"index": 1},
-        {"scans": 11},
-        {"sensor": "cir204"},
-        {"sensor": SENSORS["cts_small"]},
-        {"artefacts": {"ghosts": 0}},
-        {"artefacts": Artefacts(ghosts=0.5)},
-    ],
-    ids=str,
-)
-def test_each_setting_decides_what_is_found(counted: Counted, change: dict) -> None:
-    make_scan()
-    make_scan(**change)
-    assert len(counted.settings) == 2
-
-
-def test_what_compiles_the_rays_decides_what_is_found(
-    counted: Counted, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    make_scan()
-    forget(monkeypatch)
-    monkeypatch.setattr(scans, "_tracer", lambda: {"drjit": "99"})
-    make_scan()
-    assert len(counted.settings) == 2
-
-
-@pytest.mark.parametrize("changed", ["scenes", "sim", "testing", "eval"])
-def test_code_that_makes_a_scan_decides_what_is_found(
-    counted: Counted, monkeypatch: pytest.MonkeyPatch, changed: str
-) -> None:
-    make_scan()
-    forget(monkeypatch)
-    monkeypatch.setattr(
-        "echoscape.sim.generation.cache.code_digest",
-        lambda packages: "changed" if changed in packages else "of the code",
-    )
-    make_scan()
-    assert len(counted.settings) == 1 + (changed != "eval")
-
-
-@pytest.mark.parametrize("damage", ["cut", "flipped", "foreign", "empty", "folder"])
-def test_a_file_that_is_broken_or_foreign_is_made_again(
-    counted: Counted, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: str
-) -> None:
-    expected = make_scan()
-    path = only_file(tmp_path)
-    data = bytearray(path.read_bytes())
-    path.unlink()
-    if damage == "folder":
-        path.mkdir()
-    else:
-        data[len(data) // 2] ^= 1
-        broken = {"cut": data[:-100], "flipped": data, "foreign": b"\x80\x04N.", "empty": b""}[damage]
-        path.write_bytes(broken)
-    forget(monkeypatch)
-    assert make_scan() == expected
-    assert len(counted.settings) == 2
-
-
-@pytest.mark.usefixtures("counted")
-def test_kept_scans_load_without_ray_tracer_town_or_scipy() -> None:
-    expected = [int(scan.codes.sum()) for scan in make_drive(scans=2)]
-    names = ("mitsuba", "drjit", "scipy", "shapely", "matplotlib", "torch")
-    code = (
-        f"import sys, json; sys.modules.update(dict.fromkeys({names}))\n"
-        "from echoscape.sim.generation import cache\n"
-        "cache.code_digest = lambda *_: 'of the code'\n"
-        "from echoscape.testing import make_drive\n"
-        "print(json.dumps([int(scan.codes.sum()) for scan in make_drive(scans=2)]))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout) == expected
-
-
 # ---------------------------------------------------------------------- what cannot be made
 
 
@@ -296,15 +102,3 @@ def test_settings_that_cannot_be_simulated_are_refused_by_name(changes: dict, me
 def test_settings_that_do_not_exist_are_refused_by_name() -> None:
     with pytest.raises(TypeError, match="presets"):
         make_drive(presets="yard")
-
-
-@pytest.mark.parametrize("range_m", [-1.0, 4.9, 88.5, math.nan, math.inf])
-def test_a_target_out_of_range_is_refused(range_m: float) -> None:
-    with pytest.raises(ValueError, match=r"range_m must be between 5 and 88\.4736, got"):
-        make_target(range_m)
-
-
-@pytest.mark.parametrize("bearing_rad", [math.nan, math.inf])
-def test_a_target_in_no_direction_is_refused(bearing_rad: float) -> None:
-    with pytest.raises(ValueError, match="bearing_rad must be finite, got"):
-        make_target(20.0, bearing_rad)
