@@ -100,7 +100,7 @@ class _World:
         )
         if streets is None:
             raise SceneError(
-                f"{self._osm.file}: must hold roads (highway) on a loop or with space to turn round"
+                f"{self._osm.file}: must hold a road with space to turn round, or a loop; got none"
             )
         settings = self._settings(solid, streets.network)
         pool = building_pool(settings, seeds=np.random.SeedSequence([self._seed, _LAND, 1]))

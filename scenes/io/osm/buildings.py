@@ -29,6 +29,7 @@ _LOWEST_M, _HIGHEST_M = 2.2, 300.0
 _SMALLEST_M2 = 3.0
 _PARTY_M = 0.3
 _SHORTEST_M = 0.05
+_SKIN_M = 0.002
 _SLOPE = (0.65, 0.95)
 _HALL_SLOPE = 0.12
 _MANSARD_M = 1.2
@@ -223,11 +224,17 @@ def building_parts(
     parts: dict[str, list[Mesh]] = {}
     whole = mapped.shape.polygon
     for outline in _without_holes(whole):
-        corners = np.asarray(shapely.orient_polygons(outline).exterior.coords)[:-1, :2]
+        corners = _corners(outline)
         is_open = _open_edges(corners, whole, neighbours, visible)
         for material, mesh in _one(mapped, corners, is_open, rng).items():
             parts.setdefault(material, []).append(mesh)
     return {material: merge(meshes) for material, meshes in sorted(parts.items())}
+
+
+def _corners(outline: Polygon) -> NDArray[np.float64]:
+    """Return the corners (N, 2) of an outline, counter-clockwise, those that coincide once [m]."""
+    corners = np.asarray(shapely.orient_polygons(outline).exterior.coords)[:-1, :2]
+    return corners[np.hypot(*(np.roll(corners, -1, axis=0) - corners).T) > _SKIN_M]
 
 
 def _without_holes(polygon: Polygon) -> list[Polygon]:

@@ -17,9 +17,12 @@ from echoscape.scenes.io.osm.elements.reading import read_map
 from echoscape.scenes.io.osm.streets.road_types import is_driven
 from echoscape.scenes.io.strict_toml import SceneError
 
-LARGEST_M = 3000.0
+LARGEST_M = 5000.0
 """Largest width and height of an extract [m]."""
 _DIGITS = 7
+_MARGIN_DEG = 0.0004
+_FAR_PERCENT = 1.0
+_EARTH_M = 6_371_000.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +67,7 @@ def read_osm(path: str | Path) -> OsmExtract:
     osm = read_map(path)
     if not any(is_driven(way.tags) for way in osm.ways.values()):
         raise SceneError(f"{path}: must hold roads (ways with highway=residential and the like), got none")
-    south, west, north, east = osm.bounds_deg
+    south, west, north, east = _edges_deg(osm)
     origin = (round((south + north) / 2, _DIGITS), round((west + east) / 2, _DIGITS))
     plane_of(osm, origin)
     return OsmExtract(
@@ -106,7 +109,7 @@ def plane_of(osm: OsmMap, origin_deg: tuple[float, float]) -> tuple[dict[int, ND
     nodes = list(osm.nodes.values())
     points = projection.to_plane([each.lat_deg for each in nodes], [each.lon_deg for each in nodes])
     places = {each.id: point for each, point in zip(nodes, points, strict=True)}
-    south, west, north, east = osm.bounds_deg
+    south, west, north, east = _edges_deg(osm)
     corners = projection.to_plane([south, south, north, north], [west, east, east, west])
     area = Polygon(corners)
     width, height = (high - low for low, high in zip(area.bounds[:2], area.bounds[2:], strict=True))
@@ -116,6 +119,25 @@ def plane_of(osm: OsmMap, origin_deg: tuple[float, float]) -> tuple[dict[int, ND
             f"got {width:.0f} m x {height:.0f} m; cut a smaller part out of it, as osmium extract --bbox does"
         )
     return places, area
+
+
+def _edges_deg(osm: OsmMap) -> tuple[float, float, float, float]:
+    """Return the south, west, north and east edge of a map [deg].
+
+    Without recorded bounds these are the edges around its nodes. Roads and outlines that were kept whole may
+    reach far out of an extract: where that makes it too large, a hundredth of the nodes on each side is cut.
+    """
+    if osm.bounds_deg is not None:
+        return osm.bounds_deg
+    places = np.array([(each.lat_deg, each.lon_deg) for each in osm.nodes.values()])
+    edges, margin = np.zeros((2, 2)), np.array([[-_MARGIN_DEG], [_MARGIN_DEG]])
+    for cut in (0.0, _FAR_PERCENT):
+        edges = np.percentile(places, [cut, 100.0 - cut], axis=0) + margin
+        size = np.deg2rad(edges[1] - edges[0]) * _EARTH_M
+        if max(size[0], size[1] * np.cos(np.deg2rad(edges[0, 0]))) < LARGEST_M:
+            break
+    (south, west), (north, east) = edges.tolist()
+    return south, west, north, east
 
 
 def file_sha256(path: Path) -> str:

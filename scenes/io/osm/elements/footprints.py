@@ -17,6 +17,7 @@ from echoscape.scenes.io.osm.elements.map_data import OsmMap, Relation, Tags
 
 _SKIN_M = 0.005
 """Deviation from a straight edge below which a corner is left out [m]."""
+_SMALLEST_M2 = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,10 +65,11 @@ def shapes_of(
 
 def _shapes(kind: int, number: int, area: BaseGeometry, tags: Tags) -> Iterator[Shape]:
     """Yield the polygons of an area, in order of their lowest corner."""
-    parts = [each.simplify(_SKIN_M) for each in shapely.get_parts(area) if isinstance(each, Polygon)]
-    sound = [shapely.orient_polygons(each) for each in parts if each.is_valid and each.area > 0.5]
+    whole = [each for each in shapely.get_parts(area) if isinstance(each, Polygon)]
+    parts = [each for each in shapely.orient_polygons(shapely.simplify(whole, _SKIN_M)) if each.is_valid]
+    sound = [each for each in parts if isinstance(each, Polygon) and each.area > _SMALLEST_M2]
     for part, polygon in enumerate(sorted(sound, key=lambda each: each.bounds)):
-        yield Shape(kind=kind, id=number, part=part, polygon=Polygon(polygon), tags=tags)
+        yield Shape(kind=kind, id=number, part=part, polygon=polygon, tags=tags)
 
 
 def _area(relation: Relation, osm: OsmMap, places: dict[int, NDArray[np.float64]]) -> BaseGeometry:

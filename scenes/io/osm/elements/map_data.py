@@ -69,11 +69,11 @@ class OsmMap:
         nodes: Nodes by id, in ascending order of ids.
         ways: Ways by id, in ascending order of ids; every node of a way is in `nodes`.
         relations: Relations by id, in ascending order of ids; members may be missing.
-        bounds_deg: South, west, north and east edge of the extract [deg].
+        bounds_deg: South, west, north and east edge of the extract, None where the file has none [deg].
     """
 
     file: str
     nodes: dict[int, Node]
     ways: dict[int, Way]
     relations: dict[int, Relation]
-    bounds_deg: tuple[float, float, float, float]
+    bounds_deg: tuple[float, float, float, float] | None

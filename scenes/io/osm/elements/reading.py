@@ -22,8 +22,6 @@ MOST_BYTES = 64 * 2**20
 """Largest size of an extract, unpacked [bytes]."""
 SUFFIXES = (".osm", ".osm.gz", ".xml", ".xml.gz", ".json", ".json.gz")
 _CHUNK = 2**18
-_MARGIN_DEG = 0.0004
-"""Width of the map beyond its outermost nodes where the file has no bounds [deg], 44 m of latitude."""
 _EXPORT = (
     "export it with all nodes of its ways, as (._;>;); in Overpass or --strategy complete_ways of osmium"
 )
@@ -159,12 +157,12 @@ class _Elements:
             bounds_deg=self._bounds(),
         )
 
-    def _bounds(self) -> tuple[float, float, float, float]:
-        """Return the edges of all downloads, or where none is recorded, around all nodes."""
-        margin = 0.0 if self.bounds else _MARGIN_DEG
-        places = [(each.lat_deg, each.lon_deg) * 2 for each in self.nodes.values()]
-        south, west, north, east = zip(*(self.bounds or places), strict=True)
-        return min(south) - margin, min(west) - margin, max(north) + margin, max(east) + margin
+    def _bounds(self) -> tuple[float, float, float, float] | None:
+        """Return the edges of all downloads together, None where none is recorded."""
+        if not self.bounds:
+            return None
+        south, west, north, east = zip(*self.bounds, strict=True)
+        return min(south), min(west), max(north), max(east)
 
 
 def _chunks(path: Path) -> Iterator[bytes]:
