@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from echoscape.eval.detections.interface import Detections, Detector
 from echoscape.eval.detections.tally import BAND_M, Tally, tally_scan
@@ -37,7 +38,7 @@ class JudgedMethod:
     score_limits: tuple[float, float]
     blocks: Tally
     shown: Detections
-    shown_labels: np.ndarray
+    shown_labels: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,24 +98,18 @@ def judge_detectors(
         raise ValueError(f"every must be 1 or more, got {every}")
     bin_m = folder.sensor.bin_m
     judged = judged_bins(folder.sensor.bins, bin_m, settings)
-    bands = int((judged.stop - 0.5) * bin_m // BAND_M) + 1
+    size = {"bands": int((judged.stop - 0.5) * bin_m // BAND_M) + 1, "classes": len(classes)}
     numbers = range(0, len(folder), every)
-    blocks = min(len(numbers), MOST_BLOCKS)
-    tallies = [Tally.empty(blocks, bands=bands, classes=len(classes)) for _ in detectors]
-    shown_place = len(numbers) // 2
-    shown: list[tuple[Detections, np.ndarray]] = []
+    blocks, shown = min(len(numbers), MOST_BLOCKS), numbers[len(numbers) // 2]
+    running = [_Running(detector, Tally.empty(blocks, **size)) for detector in detectors]
     report = progress or (lambda stage, done, total: None)
     report("scans", 0, len(numbers))
     for place, number in enumerate(numbers):
         scan, truth = folder.read(number), folder.truth(number)
         assert truth is not None
         targets = ScanTargets(scan, truth.cells, folder.sensor, settings)
-        for detector, tally in zip(detectors, tallies, strict=True):
-            scored = detector.detect(scan)
-            found = tally_scan(targets, scored, detector.score_limits, bands=bands, classes=len(classes))
-            tally.add(place * blocks // len(numbers), found)
-            if place == shown_place:
-                shown.append((scored.detections, targets.label(scored.detections)))
+        for each in running:
+            each.judge(scan, targets, place * blocks // len(numbers), shown=number == shown)
         report("scans", place + 1, len(numbers))
     return DetectionResult(
         folder=folder.folder.resolve().name,
@@ -123,20 +118,39 @@ def judge_detectors(
         near_m=judged.start * bin_m,
         far_m=judged.stop * bin_m,
         scans=len(numbers),
-        shown_number=numbers[shown_place],
-        shown_scan=folder.read(numbers[shown_place]),
-        methods=tuple(
-            JudgedMethod(
-                name=detector.name,
-                score_name=detector.score_name,
-                score_limits=detector.score_limits,
-                blocks=tally,
-                shown=detections,
-                shown_labels=labels,
-            )
-            for detector, tally, (detections, labels) in zip(detectors, tallies, shown, strict=True)
-        ),
+        shown_number=shown,
+        shown_scan=folder.read(shown),
+        methods=tuple(each.result() for each in running),
     )
+
+
+class _Running:
+    """A method at work on a folder: its counts so far, and what it made of the scan that is drawn."""
+
+    def __init__(self, detector: Detector, blocks: Tally) -> None:
+        self._detector, self._blocks = detector, blocks
+        self._shown: tuple[Detections, NDArray[np.uint8]] | None = None
+
+    def judge(self, scan: PolarScan, targets: ScanTargets, block: int, *, shown: bool) -> None:
+        """Add what the method makes of a scan to a block; keep it if the scan is to be drawn."""
+        scored = self._detector.detect(scan)
+        bands, classes = self._blocks.echoes_by.shape[1:]
+        limits = self._detector.score_limits
+        self._blocks.add(block, tally_scan(targets, scored, limits, bands=bands, classes=classes))
+        if shown:
+            self._shown = scored.detections, targets.label(scored.detections)
+
+    def result(self) -> JudgedMethod:
+        """Return all that was counted."""
+        assert self._shown is not None
+        return JudgedMethod(
+            name=self._detector.name,
+            score_name=self._detector.score_name,
+            score_limits=self._detector.score_limits,
+            blocks=self._blocks,
+            shown=self._shown[0],
+            shown_labels=self._shown[1],
+        )
 
 
 def _classes(folder: ScanFolder) -> tuple[str, ...]:
