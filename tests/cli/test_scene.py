@@ -131,3 +131,29 @@ def test_nothing_is_left_when_the_plan_cannot_be_drawn(
     assert main(["scene", str(out), *YARD]) == 130
     assert out.exists() == (tmp_path / "a").exists() == there
     assert not there or list(out.iterdir()) == []
+
+
+def test_a_map_has_its_origin_among_its_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scene_folder, "scene_page", lambda plan: b"drawing takes long")
+    assert main(["scene", str(tmp_path / "map"), "--osm", str(EXAMPLES / "small_town.osm")]) == 0
+    numbers = json.loads((tmp_path / "map" / "scene.json").read_text())
+    assert numbers["world"] == "small_town.osm, seed 0"
+    assert numbers["origin_deg"] == [54.5, 3.5]
+    assert numbers["classes"]["building"]["objects"] > 60
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--osm", "absent.osm"], "absent.osm: No such file"),
+        (["--osm", "map.pbf"], "map.pbf: must be one of .osm"),
+        (["--osm", str(EXAMPLES / "small_town.osm"), "--preset", "town"], "--preset must not be given"),
+        (["--osm", str(EXAMPLES / "small_town.osm"), *YARD], "--osm must not be given beside a scene"),
+    ],
+)
+def test_a_map_that_cannot_be_read_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], says: str
+) -> None:
+    assert main(["scene", str(tmp_path / "out"), *words]) == 2
+    assert says in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

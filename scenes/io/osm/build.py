@@ -19,18 +19,13 @@ from echoscape.scenes.core.scene import Scene
 from echoscape.scenes.geometry.curves import Line
 from echoscape.scenes.io.osm.areas import LandCover, furnish, land_covers
 from echoscape.scenes.io.osm.barriers import add_barriers, add_objects
-from echoscape.scenes.io.osm.buildings import (
-    MappedBuilding,
-    building_parts,
-    is_building,
-    mapped_buildings,
-    seen_from,
-)
+from echoscape.scenes.io.osm.buildings import building_parts, seen_from
 from echoscape.scenes.io.osm.elements.footprints import Shape, shapes_of
 from echoscape.scenes.io.osm.elements.map_data import OsmMap
 from echoscape.scenes.io.osm.extract import OsmExtract, plane_of, read_extract_map
 from echoscape.scenes.io.osm.gardens import lay_gardens
 from echoscape.scenes.io.osm.ground import lay_map_ground, map_ground, streets_beyond, walking_lines
+from echoscape.scenes.io.osm.mapped_building import MappedBuilding, is_building, mapped_buildings
 from echoscape.scenes.io.osm.streets.road_network import Streets, street_plan
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.scenes.roads.ground_mesh import Ground, boundaries, footpath_strips

@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from echoscape.scenes.io.osm.buildings import MappedBuilding
+from echoscape.scenes.io.osm.mapped_building import MappedBuilding
 from echoscape.scenes.roads.ground_mesh import polygons
 from echoscape.scenes.town.gardens import enclose_gardens, plant_garden
 from echoscape.scenes.town.parcels import CityBlock

@@ -12,7 +12,7 @@ import pytest
 from echoscape.scenes.core.targets import Target
 from echoscape.scenes.driving.ego_drive import DriveSettings
 from echoscape.scenes.io.target_toml import FromStart
-from echoscape.scenes.io.user_scene import read_user_scene
+from echoscape.scenes.io.user_scene import UserScene, read_user_scene
 from echoscape.scenes.town.presets import PRESETS
 from echoscape.scenes.traffic.plan import TrafficSettings
 from echoscape.sim.datasets.files.atomic_write import DatasetError
@@ -77,7 +77,7 @@ def test_a_custom_scene_is_found_beside_the_manifest(tmp_path: Path, custom: Sim
     (tmp_path / "set" / "echoscape.json").write_text(written(custom))
     shutil.copy(tmp_path / "files" / "wall.obj", tmp_path / "set")
     found = read_config(tmp_path / "set")
-    assert found.scene is not None
+    assert isinstance(found.scene, UserScene)
     assert found.scene.mesh_path == tmp_path / "set" / "wall.obj"
     assert replace(found, scene=custom.scene, preset="") == custom
     assert written(found) == written(custom)

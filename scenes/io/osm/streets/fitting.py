@@ -3,6 +3,8 @@
 Buildings stand where the map says; roads make way for them.
 """
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +25,7 @@ _SMOOTH_M = 4.0
 _TURN_ROOM_M = 10.5
 _TURN_BACK_M = 5.0
 _STEP_BACK_M = 5.0
+_MOST_STEPS = 20
 
 
 def fitted(graph: RoadMap, tree: shapely.STRtree) -> tuple[list[Road], list[Road]]:
@@ -38,12 +41,16 @@ def fitted(graph: RoadMap, tree: shapely.STRtree) -> tuple[list[Road], list[Road
     fitting, dropped = [], []
     for road in graph.roads:
         smooth = replace(road, line=smooth_line(road.line))
-        kind = next((kind for kind in _narrower(road.type) if _is_free(smooth.line, kind, tree)), None)
-        ended = None if kind is None else _with_turning_space(replace(smooth, type=kind), graph, tree)
-        if ended is None:
+        fit = next((each for each in _shortened(smooth, graph) if _has_room(each, graph, tree)), None)
+        wide = None if fit is None else _widest(fit, tree)
+        if fit is None or wide is None:
             dropped.append(smooth)
-        else:
-            fitting.append(ended)
+            continue
+        # A junction keeps its place; only a node without other roads moves with the shortened end.
+        for node, place in ((wide.start, wide.line[0]), (wide.end, wide.line[-1])):
+            if len(graph.arms(node)) == 1:
+                graph.places[node] = place
+        fitting.append(wide)
     return fitting, dropped
 
 
@@ -79,32 +86,39 @@ def _is_free(line: Line, kind: StreetType, tree: shapely.STRtree) -> bool:
     return len(tree.query(strip, predicate="intersects")) == 0
 
 
-def _with_turning_space(road: Road, graph: RoadMap, tree: shapely.STRtree) -> Road | None:
-    """Shorten a dead end until a car can turn round in it; None where nowhere is space."""
-    if road.type.oneway:
-        return road
-    for node in dict.fromkeys((road.start, road.end)):
-        if len(graph.arms(node)) != 1:
-            continue
-        length = road.length_m
-        for back in np.arange(0.0, max(length - SHORTEST_END_M, 0.0) + 1e-6, _STEP_BACK_M):
-            line = (
-                section(road.line, back, length)
-                if node == road.start
-                else section(road.line, 0, length - back)
-            )
-            end = line if node == road.start else line[::-1]
-            at = section(end, 0.0, _TURN_BACK_M)[-1]
-            if len(tree.query(Point(at).buffer(_TURN_ROOM_M), predicate="intersects")) == 0:
-                road = replace(road, line=line)
-                break
-        else:
-            return None
-    # A junction keeps its place; only a node without other roads moves with the shortened end.
-    for node, place in ((road.start, road.line[0]), (road.end, road.line[-1])):
-        if len(graph.arms(node)) == 1:
-            graph.places[node] = place
-    return road
+def _widest(road: Road, tree: shapely.STRtree) -> Road | None:
+    """Return a road as wide as the buildings let it be, None where it is too narrow for its lanes."""
+    kind = next((kind for kind in _narrower(road.type) if _is_free(road.line, kind, tree)), None)
+    return None if kind is None else replace(road, type=kind)
+
+
+def _dead_ends(road: Road, graph: RoadMap) -> tuple[bool, bool]:
+    """Return whether a car has to turn round at the start and at the end of a road."""
+    first, last = (len(graph.arms(node)) == 1 and not road.type.oneway for node in (road.start, road.end))
+    return first, last
+
+
+def _shortened(road: Road, graph: RoadMap) -> Iterator[Road]:
+    """Yield a road and, where it has dead ends, shorter ones, the longest first."""
+    yield road
+    length = road.length_m
+    steps = np.arange(0.0, max(length - SHORTEST_END_M, 0.0) + 1e-6, _STEP_BACK_M)[:_MOST_STEPS].tolist()
+    first, last = (steps if dead else [0.0] for dead in _dead_ends(road, graph))
+    cuts = sorted(itertools.product(first, last), key=lambda cut: (sum(cut), cut))
+    for start, end in cuts[1:]:
+        if length - start - end >= SHORTEST_END_M:
+            yield replace(road, line=section(road.line, start, length - end))
+
+
+def _has_room(road: Road, graph: RoadMap, tree: shapely.STRtree) -> bool:
+    """Return whether a road fits at its narrowest, with space to turn round at its dead ends."""
+    if not _is_free(road.line, _narrower(road.type)[-1], tree):
+        return False
+    for is_dead, line in zip(_dead_ends(road, graph), (road.line, road.line[::-1]), strict=True):
+        at = section(line, 0.0, _TURN_BACK_M)[-1]
+        if is_dead and len(tree.query(Point(at).buffer(_TURN_ROOM_M), predicate="intersects")):
+            return False
+    return True
 
 
 def has_space(graph: RoadMap, streets: list[Road], node: int, tree: shapely.STRtree) -> bool:

@@ -7,25 +7,29 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from shapely.geometry import Polygon, box
+from shapely.geometry.base import BaseGeometry
 
 from echoscape.scenes.core.scene import Mesh
-from echoscape.scenes.io.osm.buildings import MappedBuilding, building_parts, is_building, mapped_buildings
+from echoscape.scenes.io.osm.buildings import building_parts
 from echoscape.scenes.io.osm.elements.footprints import Shape
+from echoscape.scenes.io.osm.mapped_building import MappedBuilding, is_building, mapped_buildings
 
 EVERYWHERE = box(-1e3, -1e3, 1e3, 1e3)
 NOWHERE = Polygon()
 
 
-def shape(polygon: Polygon, number: int = 1, **tags: str) -> Shape:
+def shape(polygon: BaseGeometry, number: int = 1, /, **tags: str) -> Shape:
     spelled = {key.replace("__", ":"): value for key, value in {"building": "yes", **tags}.items()}
-    return Shape(kind=1, id=number, part=0, polygon=shapely.orient_polygons(polygon), tags=spelled)
+    whole = shapely.orient_polygons(polygon)
+    assert isinstance(whole, Polygon)
+    return Shape(kind=1, id=number, part=0, polygon=whole, tags=spelled)
 
 
 def mapped(*shapes: Shape) -> list[MappedBuilding]:
     return mapped_buildings(list(shapes), rng_of=lambda each: np.random.default_rng(each.id))
 
 
-def meshes(polygon: Polygon, neighbours: Polygon = NOWHERE, **tags: str) -> dict[str, Mesh]:
+def meshes(polygon: BaseGeometry, neighbours: BaseGeometry = NOWHERE, /, **tags: str) -> dict[str, Mesh]:
     (one,) = mapped(shape(polygon, **tags))
     return building_parts(one, neighbours, visible=EVERYWHERE, rng=np.random.default_rng(0))
 
@@ -112,7 +116,7 @@ def test_any_footprint_is_built_with_finite_walls_on_it(
 def test_a_footprint_with_two_courtyards_is_built_around_both() -> None:
     holes = [box(5, 5, 15, 15), box(25, 5, 35, 15)]
     polygon = box(0, 0, 40, 20).difference(shapely.union_all(holes))
-    made = meshes(Polygon(polygon), building="school", building__levels="3")
+    made = meshes(polygon, building="school", building__levels="3")
     level = []
     for part in made.values():
         faces = part.vertices[part.faces].astype(float)
