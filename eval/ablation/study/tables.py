@@ -198,10 +198,15 @@ def difference_text(row: AblationRow) -> str:
     compared, digits = row.compared, row.metric.digits
     if compared.difference == compared.low == compared.high == 0:
         return "0"
-    text = f"{compared.difference:+.{digits}f}"
+    text = _signed(compared.difference, digits)
     if math.isnan(compared.low):
         return text
-    return f"{text} ({compared.low:+.{digits}f} to {compared.high:+.{digits}f})"
+    return f"{text} ({_signed(compared.low, digits)} to {_signed(compared.high, digits)})"
+
+
+def _signed(value: float, digits: int) -> str:
+    """Write a difference with its sign; what rounds to 0 is +0."""
+    return f"{round(value, digits) + 0.0:+.{digits}f}"
 
 
 def _method_table(study: AblationStudy, rows: Sequence[AblationRow], method: str) -> list[str]:

@@ -132,6 +132,11 @@ def test_clear_differences_are_marked_in_tables_and_page() -> None:
     assert "some 1 of them" in chance_note(rows)
 
 
+def test_what_rounds_to_nothing_has_no_minus() -> None:
+    rows = ablation_rows(STUDY, made_up(STUDY, cost_m={"ghosts=4": -4e-5}))
+    assert "-0.0000" not in table_markdown(STUDY, rows)
+
+
 def test_drives_too_short_for_drift_have_none() -> None:
     rows = ablation_rows(STUDY, made_up(STUDY, cost_m={}, drift=False))
     assert {row.metric.name for row in rows if "drift" in row.metric.name} == set()
