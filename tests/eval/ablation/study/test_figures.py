@@ -2,6 +2,7 @@
 
 import io
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from echoscape.eval.ablation.study import figures
 from echoscape.eval.ablation.study.figures import curves_figure, summary_figure
 from echoscape.eval.ablation.study.report import chance_note, report_page
 from echoscape.eval.ablation.study.settings import AblationStudy
-from echoscape.eval.ablation.study.tables import Results, ablation_rows, table_markdown
+from echoscape.eval.ablation.study.tables import Results, ablation_rows, difference_text, table_markdown
 from tests.eval.ablation.study.studies import small_study
 
 
@@ -77,8 +78,6 @@ def test_curves_run_over_rising_strengths_through_the_default(
 def test_a_grid_is_cut_where_all_else_is_at_the_default(
     points: list[tuple[list[float], list[float]]],
 ) -> None:
-    from dataclasses import replace
-
     from echoscape.eval.ablation.study.conditions import chosen_levels, conditions
     from echoscape.sim.settings.artefacts import Artefacts
     from tests.eval.ablation.study.studies import SENSOR
@@ -133,8 +132,10 @@ def test_clear_differences_are_marked_in_tables_and_page() -> None:
 
 
 def test_what_rounds_to_nothing_has_no_minus() -> None:
-    rows = ablation_rows(STUDY, made_up(STUDY, cost_m={"ghosts=4": -4e-5}))
-    assert "-0.0000" not in table_markdown(STUDY, rows)
+    row = ablation_rows(STUDY, made_up(STUDY, cost_m={}))[-1]
+    metric = replace(row.metric, digits=3)
+    compared = replace(row.compared, difference=-4e-4, low=-0.2, high=4e-4)
+    assert difference_text(replace(row, metric=metric, compared=compared)) == "+0.000 (-0.200 to +0.000)"
 
 
 def test_drives_too_short_for_drift_have_none() -> None:
