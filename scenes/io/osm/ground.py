@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
-from scipy.ndimage import gaussian_filter1d
 from shapely.geometry import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from echoscape.scenes.core.gaussian import gaussian_filter1d
 from echoscape.scenes.geometry.curves import Line, offset, resampled
 from echoscape.scenes.io.osm.areas import LandCover, soil_without
 from echoscape.scenes.io.osm.streets.fitting import CLEAR_M

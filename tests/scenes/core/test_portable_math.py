@@ -24,6 +24,10 @@ X = np.random.default_rng(1).uniform(-3, 3, (50, 4))
         (portable_math.exp(X), [math.exp(each) for each in X.flat]),
         (portable_math.log(X**2), [math.log(each**2) for each in X.flat]),
         (portable_math.tan(X), [math.tan(each) for each in X.flat]),
+        (portable_math.sinh(X), [math.sinh(each) for each in X.flat]),
+        (portable_math.cosh(X), [math.cosh(each) for each in X.flat]),
+        (portable_math.arcsinh(X), [math.asinh(each) for each in X.flat]),
+        (portable_math.arctanh(X / 4), [math.atanh(each / 4) for each in X.flat]),
         (portable_math.power(X**2, 0.4), [math.pow(each**2, 0.4) for each in X.flat]),
     ],
 )
@@ -34,7 +38,7 @@ def test_values_are_those_of_the_c_library(found: np.ndarray, expected: list[flo
 
 
 def test_worlds_use_no_function_that_differs_between_processors() -> None:
-    functions = "arctan2|arctan|arccos|arcsin|exp|log|log10|tan|sinh|cosh|tanh|power"
+    functions = "arctan2|arctan|arccos|arcsin|exp|log|log10|tan|sinh|cosh|tanh|arcsinh|arccosh|arctanh|power"
     forbidden = re.compile(rf"\bnp\.({functions})\b|scipy.ndimage import .*gaussian_filter")
     sources = [path for path in (ROOT / "scenes").rglob("*.py")]
     assert len(sources) > 50

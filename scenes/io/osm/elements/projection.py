@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from echoscape.scenes.core import portable_math
+
 _A_M = 6_378_137.0
 _F = 1 / 298.257223563
 _N = _F / (2 - _F)
@@ -72,19 +74,19 @@ class LocalProjection:
 
 def _conformal(tau: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the tangent of the conformal latitude from that of the geographic one (Karney, eqs. 7 to 9)."""
-    sigma = np.sinh(_E * np.arctanh(_E * tau / np.hypot(1, tau)))
+    sigma = portable_math.sinh(_E * portable_math.arctanh(_E * tau / np.hypot(1, tau)))
     return tau * np.hypot(1, sigma) - sigma * np.hypot(1, tau)
 
 
 def _forward(lat: NDArray[np.float64], lon: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return x and y (..., 2) from the equator and the central meridian [m]."""
-    tau = _conformal(np.tan(lat))
-    xi = np.arctan2(tau, np.cos(lon))
-    eta = np.arcsinh(np.sin(lon) / np.hypot(tau, np.cos(lon)))
+    tau = _conformal(portable_math.tan(lat))
+    xi = portable_math.arctan2(tau, np.cos(lon))
+    eta = portable_math.arcsinh(np.sin(lon) / np.hypot(tau, np.cos(lon)))
     north, east = xi.copy(), eta.copy()
     for order, factor in enumerate(_ALPHA, 1):
-        north = north + factor * np.sin(2 * order * xi) * np.cosh(2 * order * eta)
-        east = east + factor * np.cos(2 * order * xi) * np.sinh(2 * order * eta)
+        north = north + factor * np.sin(2 * order * xi) * portable_math.cosh(2 * order * eta)
+        east = east + factor * np.cos(2 * order * xi) * portable_math.sinh(2 * order * eta)
     return _RADIUS_M * np.stack([east, north], axis=-1)
 
 
@@ -93,12 +95,14 @@ def _inverse(plane: NDArray[np.float64]) -> NDArray[np.float64]:
     eta, xi = np.moveaxis(plane / _RADIUS_M, -1, 0)
     north, east = xi.copy(), eta.copy()
     for order, factor in enumerate(_BETA, 1):
-        north = north - factor * np.sin(2 * order * xi) * np.cosh(2 * order * eta)
-        east = east - factor * np.cos(2 * order * xi) * np.sinh(2 * order * eta)
-    wanted = np.sin(north) / np.hypot(np.sinh(east), np.cos(north))
+        north = north - factor * np.sin(2 * order * xi) * portable_math.cosh(2 * order * eta)
+        east = east - factor * np.cos(2 * order * xi) * portable_math.sinh(2 * order * eta)
+    wanted = np.sin(north) / np.hypot(portable_math.sinh(east), np.cos(north))
     tau = wanted / (1 - _E**2)
     for _ in range(_NEWTON_STEPS):  # Karney, eqs. 19 to 21
         found = _conformal(tau)
         slope = (1 - _E**2) * np.hypot(1, tau) * np.hypot(1, found) / (1 + (1 - _E**2) * tau**2)
         tau = tau + (wanted - found) / slope
-    return np.stack([np.arctan(tau), np.arctan2(np.sinh(east), np.cos(north))], axis=-1)
+    return np.stack(
+        [portable_math.arctan(tau), portable_math.arctan2(portable_math.sinh(east), np.cos(north))], axis=-1
+    )

@@ -9,9 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
-from scipy.ndimage import gaussian_filter1d
 from shapely.geometry import LineString, Point
 
+from echoscape.scenes.core import portable_math
+from echoscape.scenes.core.gaussian import gaussian_filter1d
 from echoscape.scenes.geometry.curves import Line, arc_length, resampled, section
 from echoscape.scenes.io.osm.streets.road_graph import SHORTEST_END_M, Road, RoadMap
 from echoscape.scenes.io.osm.streets.road_types import LANE_RANGE_M
@@ -142,7 +143,7 @@ def has_space(graph: RoadMap, streets: list[Road], node: int, tree: shapely.STRt
     if len(arms) < 3 or min(float(arc_length(arm)[-1]) for arm in arms) < 2.5 * ROUNDABOUT_RADIUS_M:
         return False
     ahead = [arm[min(15, len(arm) - 1)] - arm[0] for arm in arms]
-    angles = np.sort([np.arctan2(step[1], step[0]) for step in ahead])
+    angles = np.sort([portable_math.arctan2(step[1], step[0]) for step in ahead])
     gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
     disc = Point(graph.places[node]).buffer(ROUNDABOUT_RADIUS_M + 3.0)
     return bool(gaps.min() > 0.6) and len(tree.query(disc, predicate="intersects")) == 0
