@@ -214,8 +214,8 @@ def _run(
 
 def _show(study: "AblationStudy", rows: "Sequence[AblationRow]", paths: Sequence[Path]) -> None:
     """Print the differences of the mean translation error, and what the intervals are worth."""
-    from echoscape.eval.ablation.study.bootstrap import caution
     from echoscape.eval.ablation.study.tables import condition_label, difference_text
+    from echoscape.eval.statistics.intervals import caution
 
     console = Console() if sys.stdout.isatty() else Console(width=_FILE_COLUMNS, height=_FILE_COLUMNS)
     table = Table(

@@ -30,7 +30,7 @@ PACKAGE_ORDER: Mapping[str, Sequence[Sequence[str]]] = {
     ),
     "learn": (("geometry",), ("data",), ("model",), ("training", "odometry")),
     "eval": (
-        ("figures",),
+        ("figures", "statistics"),
         ("methods",),
         ("odometry", "fidelity", "viewer", "scene_report"),
         ("ablation", "detections"),

@@ -1,11 +1,4 @@
-"""Paired differences with confidence: a bootstrap over drives, as the pairs of one drive are not independent.
-
-Percentile intervals of few values are too narrow: their levels are expanded so that the interval of a normal
-sample has the coverage of Student's t (the expanded percentile interval of Hesterberg, "What Teachers Should
-Know About the Bootstrap", The American Statistician 69(4), 2015). No interval can reach beyond the smallest
-and the largest difference, which hold the true centre of a symmetric distribution with a probability of
-1 - 2^(1 - n).
-"""
+"""Paired differences with confidence: a bootstrap over drives, as pairs of one drive are not independent."""
 
 import math
 from collections.abc import Sequence
@@ -14,12 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import norm, t
 
-CONFIDENCE = 0.95
-"""Confidence of the intervals."""
-FEWEST_DRIVES = 6
-"""Drives from which the range of their differences holds the centre with more than `CONFIDENCE`: 1 - 2^-5."""
+from echoscape.eval.statistics.intervals import FEWEST, percentile_interval
+
 RESAMPLES = 10_000
 _SEED = 20_150
 """Seed of the bootstrap, the same for all comparisons: they share their resamples."""
@@ -48,7 +38,7 @@ class PairedDifference:
     @property
     def is_clear(self) -> bool:
         """Whether the interval leaves out 0; never with too few drives for its confidence."""
-        return self.drives >= FEWEST_DRIVES and (self.low > 0 or self.high < 0)
+        return self.drives >= FEWEST and (self.low > 0 or self.high < 0)
 
 
 def paired_difference(
@@ -90,7 +80,7 @@ def paired_difference(
 
 
 def interval_of_mean(values: ArrayLike) -> tuple[float, float]:
-    """Estimate the interval that holds the mean of a distribution with the probability `CONFIDENCE`.
+    """Estimate the interval that holds the mean of a distribution with a probability of 95 %.
 
     Args:
         values: Independent draws from the distribution (N,).
@@ -103,56 +93,9 @@ def interval_of_mean(values: ArrayLike) -> tuple[float, float]:
     if count < 2:
         return math.nan, math.nan
     means = found[_resamples(count)].mean(axis=1)
-    tail = expanded_tail(count)
     # The mean of equal values may miss them by rounding: no difference is 0 to the last bit.
-    low, high = np.clip(np.quantile(means, [tail, 1 - tail]), found.min(), found.max()).tolist()
+    low, high = np.clip(percentile_interval(means, count), found.min(), found.max()).tolist()
     return low, high
-
-
-def expanded_tail(count: int) -> float:
-    """Return the share of resamples below the interval.
-
-    Args:
-        count: Number of values, 2 or more.
-
-    Returns:
-        The share: Phi(-sqrt(n / (n - 1)) t), with t the quantile of Student's distribution of n - 1 degrees
-        of freedom; (1 - `CONFIDENCE`) / 2 for many values.
-    """
-    quantile = t.ppf((1 + CONFIDENCE) / 2, count - 1)
-    return float(norm.cdf(-math.sqrt(count / (count - 1)) * quantile))
-
-
-def reach(drives: int) -> float:
-    """Return the largest probability with which any interval of some drives can hold the centre.
-
-    Args:
-        drives: Number of drives, 1 or more.
-
-    Returns:
-        1 - 2^(1 - n): that not all drives lie on one side of the centre.
-    """
-    return 1 - 2.0 ** (1 - drives)
-
-
-def caution(drives: int) -> str | None:
-    """Say what an interval from few drives is worth.
-
-    Args:
-        drives: Number of drives.
-
-    Returns:
-        A sentence, None for `FEWEST_DRIVES` or more.
-    """
-    if drives >= FEWEST_DRIVES:
-        return None
-    if drives == 1:
-        return "1 drive gives no interval: how far drives differ is unknown"
-    share = 100 * reach(drives)
-    return (
-        f"{drives} drives are too few for {100 * CONFIDENCE:g} %: no interval that they give holds the true "
-        f"mean with more than {share:.3g} %; take {FEWEST_DRIVES} or more"
-    )
 
 
 @lru_cache(maxsize=8)

@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from echoscape.eval.ablation.study.bootstrap import caution
 from echoscape.eval.ablation.study.conditions import ARTEFACTS, Condition, strength_text
 from echoscape.eval.ablation.study.results import metric
 from echoscape.eval.ablation.study.settings import AblationStudy
@@ -28,6 +27,7 @@ from echoscape.eval.figures.style import (
     png_bytes,
     style_curves,
 )
+from echoscape.eval.statistics.intervals import caution
 
 _METRICS = ("translation_error_mean", "rotation_error_mean")
 _COLOURS = (

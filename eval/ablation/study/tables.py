@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from echoscape.eval.ablation.study.bootstrap import CONFIDENCE, PairedDifference, caution, paired_difference
+from echoscape.eval.ablation.study.bootstrap import PairedDifference, paired_difference
 from echoscape.eval.ablation.study.conditions import Condition, strength_text
 from echoscape.eval.ablation.study.results import METRICS, Metric
 from echoscape.eval.ablation.study.settings import AblationStudy
+from echoscape.eval.statistics.intervals import CONFIDENCE, caution
 
 Results = Mapping[tuple[str, str, str], dict[str, Any]]
 """Contents of results by the names of drive, condition and method."""

@@ -7,14 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from echoscape.eval.ablation.study.bootstrap import (
-    FEWEST_DRIVES,
-    caution,
-    expanded_tail,
-    interval_of_mean,
-    paired_difference,
-    reach,
-)
+from echoscape.eval.ablation.study.bootstrap import interval_of_mean, paired_difference
+from echoscape.eval.statistics.intervals import expanded_tail, reach
 
 
 def test_differences_are_taken_drive_by_drive() -> None:
@@ -54,16 +48,6 @@ def test_interval_is_that_of_all_resamples() -> None:
     assert_allclose(interval_of_mean(values), np.quantile(means, [tail, 1 - tail]), atol=0.05)
 
 
-@pytest.mark.parametrize(("drives", "quantile"), [(5, 2.776), (15, 2.145)])  # tables of Student's t, 97.5 %
-def test_tails_are_those_of_students_t(drives: int, quantile: float) -> None:
-    tail = 0.5 * math.erfc(math.sqrt(drives / (drives - 1)) * quantile / math.sqrt(2))
-    assert_allclose(expanded_tail(drives), tail, rtol=2e-3)
-
-
-def test_many_drives_need_no_expansion() -> None:
-    assert_allclose(expanded_tail(100_000), 0.025, rtol=1e-3)
-
-
 def test_two_drives_give_their_range_and_one_drive_nothing() -> None:
     assert interval_of_mean([1.0, 3.0]) == (1.0, 3.0)
     assert all(map(math.isnan, interval_of_mean([1.0])))
@@ -78,10 +62,3 @@ def test_intervals_hold_the_true_mean_as_often_as_they_say(drives: int) -> None:
     most = min(0.95, reach(drives))
     assert share < most + 4 * math.sqrt(most * (1 - most) / 1500)
     assert share > most - 0.03 - 4 * math.sqrt(most * (1 - most) / 1500)
-
-
-def test_few_drives_are_called_few() -> None:
-    assert caution(FEWEST_DRIVES) is None
-    assert reach(FEWEST_DRIVES) > 0.95 > reach(FEWEST_DRIVES - 1)
-    assert "no interval that they give holds the true mean with more than 50 %" in (caution(2) or "")
-    assert "gives no interval" in (caution(1) or "")
