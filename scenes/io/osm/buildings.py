@@ -1,4 +1,4 @@
-"""Meshes of the buildings of a map over their footprints; courtyards are cut open, so that no part has a hole."""
+"""Meshes of the buildings of a map over their footprints; courtyards are cut open, so that none is left."""
 
 import numpy as np
 import shapely

@@ -207,6 +207,7 @@ def _barriers(draw: Drawing) -> None:
     draw.way([(52.0, 90.0), (52.0, 116.0), (104.0, 117.0)], barrier="wall", height="1.8")
     draw.way([(170.0, 14.0), (214.0, 17.0)], barrier="guard_rail")
     draw.way([(-180.0, 12.0), (-180.0, 112.0)], barrier="hedge", height="1.6")
+    draw.way([(-30.0, 108.0), (-32.0, 138.0)], barrier="wall", note="a road runs through it")
     draw.way([(-260.0, -4.0), (-200.0, 2.0)], natural="tree_row")
 
 
@@ -216,6 +217,7 @@ def _objects(draw: Drawing) -> None:
     draw.node((190.0, 60.0), {"natural": "tree", "leaf_type": "needleleaved"})
     for place in ((200.0, 66.0), (206.0, 60.0)):
         draw.node(place, {"amenity": "bench"})
+    draw.node((2.0, 30.0), {"natural": "tree", "note": "in the middle of High Street"})
     draw.node((80.0, -33.0), {"highway": "street_lamp"})
     draw.node((58.0, 112.0), {"barrier": "bollard"})
 

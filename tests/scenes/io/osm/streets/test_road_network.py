@@ -78,16 +78,22 @@ def test_a_dead_end_turns_back_before_a_building() -> None:
 
 
 def test_every_lane_of_every_plan_can_be_reached_from_every_other() -> None:
-    cross: tuple[Line, Tags] = ([(0.0, -150.0), (0.0, 0.0), (10.0, 150.0)], {})
-    corner = box(4.2, 4.2, 30.0, 30.0)  # in the way of the turn to the right
+    cross: tuple[Line, Tags] = ([(0.0, -150.0), (0.0, 0.0), (0.0, 150.0)], {"parking:both": "no"})
     far: tuple[Line, Tags] = ([(200.0, 200.0), (290.0, 210.0)], {})
-    for solid in ([], [corner]):
-        streets = streets_of(PLAIN, cross, far, solid=solid)
+    corner = box(4.6, 4.6, 30.0, 30.0)  # in the way of the turn to the right
+    found = [streets_of(PLAIN, cross, far), streets_of(PLAIN, cross, far, solid=[corner])]
+    for streets in found:
         assert streets is not None
         assert LaneNetwork(streets.roads).connected.all()
-        assert not solid or driven(streets).distance(corner) > 0.3
         assert driven(streets).bounds[3] < 190.0  # the road without a way to it is not driven
-    assert streets_of(PLAIN, cross, solid=[corner]) is not None
+        assert len(streets.network.streets) == 4
+        assert sum(lane.kind == "street" for lane in streets.roads.lanes) == 8
+    whole, without = found
+    assert whole is not None
+    assert without is not None
+    assert driven(whole).intersects(corner)
+    assert driven(without).distance(corner) > 0.3
+    assert len(whole.roads.lanes) - len(without.roads.lanes) == 1
 
 
 def test_one_way_streets_are_driven_where_they_lead_on() -> None:
