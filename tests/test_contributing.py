@@ -24,6 +24,7 @@ def test_the_walks_reach_their_ends() -> None:
     ends = [(walk[0], walk[-1]) for walk in walks]
     assert ends == [
         ("scenes/town/build.py", "sim/datasets/files/navtech_png.py"),
+        ("scenes/io/osm/elements/reading.py", "scenes/io/osm/ground.py"),
         ("sim/datasets/scan_folder.py", "eval/odometry/kitti_drift.py"),
         ("eval/methods/cen2018.py", "eval/methods/figure.py"),
         ("eval/ablation/study/conditions.py", "eval/ablation/study/report.py"),

@@ -157,6 +157,18 @@ def test_heights_follow_the_map(osm: OsmMap, by_way: dict[int, tuple[Polygon, ND
     assert all(7.45 < cottage < 7.5 + 1.45 for cottage in cottages)
 
 
+def test_heights_that_the_map_does_not_say_are_drawn_for_each_building(
+    osm: OsmMap, by_way: dict[int, tuple[Polygon, NDArray[np.float64]]]
+) -> None:
+    silent = [
+        float(by_way[way.id][1][:, 2].max())
+        for way in osm.ways.values()
+        if way.tags == {"building": "yes"} or way.tags == {"building": "house"}
+    ]
+    assert len(silent) > 8
+    assert len(set(silent)) == len(silent)
+
+
 def test_no_wall_stands_on_a_lane(town: Scene) -> None:
     lanes = [LineString(lane.centre[::2]).buffer(lane.width_m / 2) for lane in town.roads.lanes]
     road = shapely.union_all(lanes)
