@@ -72,13 +72,15 @@ class Options:
     """An artefact or fault with its strengths, such as ghosts=0,0.5,2; off is 0, default the strength of the
     default condition. Give it once for each artefact. docs/ablation.md lists the faults."""
     suite: Literal["none", "stress"] = "none"
-    """A suite of conditions that are added. stress: lost scans, lost azimuths, a jammed sector, clock jitter,
-    a step of the gain, a wrong range scale, rain of 50 mm/h, dense interference, a blocked sector."""
+    """A suite of conditions that are added to those of --artefact. stress: lost scans, lost azimuths, a
+    jammed sector, clock jitter, a step of the gain, a wrong range scale, rain of 50 mm/h, dense interference,
+    a blocked sector."""
     grid: bool = False
     """Combine all strengths of all artefacts; by default one is changed at a time."""
     methods: tuple[str, ...] = ("learned,fourier",)
-    """Methods, separated by commas: learned (the coarsest bundled weights), learned-fine, fourier; with
-    -robust or -paper another solver, such as learned-fine-robust; learned:FILE takes weights from a file."""
+    """Methods, separated by commas: learned (the coarsest bundled weights), learned-fine, fourier, cen2018,
+    cen2019; with -robust or -paper another solver of a learned one, such as learned-fine-robust; learned:FILE
+    takes weights from a file."""
     simulation: Annotated[DriveOptions, tyro.conf.arg(name="")] = field(default_factory=DriveOptions)
     """The default condition: what `echoscape simulate` makes with the same options."""
     radar: str = CTS350X.name
@@ -213,9 +215,9 @@ def _run(
 
 
 def _show(study: "AblationStudy", rows: "Sequence[AblationRow]", paths: Sequence[Path]) -> None:
-    """Print the differences of the mean translation error, and what the intervals are worth."""
-    from echoscape.eval.ablation.study.tables import condition_label, difference_text
-    from echoscape.eval.statistics.intervals import caution
+    """Print the differences of the mean translation error with the pairs that failed, and the cautions."""
+    from echoscape.eval.ablation.study.notes import cautions
+    from echoscape.eval.ablation.study.tables import condition_label
 
     console = Console() if sys.stdout.isatty() else Console(width=_FILE_COLUMNS, height=_FILE_COLUMNS)
     table = Table(
@@ -226,15 +228,21 @@ def _show(study: "AblationStudy", rows: "Sequence[AblationRow]", paths: Sequence
     }
     for condition in study.conditions:
         found = [shown[condition.name, each.name] for each in study.methods]
-        cells = [difference_text(row) if condition.levels else f"{row.compared.value:.4f}" for row in found]
-        table.add_row(condition_label(condition), *cells)
+        table.add_row(condition_label(condition), *map(_cell, found))
     console.print("Mean translation error of a pair; below the first row the difference from it:")
     console.print(table)
     for path in paths:
         console.print(str(path), soft_wrap=True, highlight=False)
-    few = caution(len(study.drives))
-    if few:
-        print(f"echoscape ablate: {few}", file=sys.stderr)
+    for each in cautions(study, rows):
+        print(f"echoscape ablate: {each}", file=sys.stderr)
+
+
+def _cell(row: "AblationRow") -> str:
+    """Return the value of the default condition or a difference from it, and the failed pairs, if any."""
+    from echoscape.eval.ablation.study.tables import difference_text, failed_text
+
+    text = difference_text(row) if row.condition.levels else f"{row.compared.value:.4f}"
+    return f"{text}; {failed_text(row)} failed" if row.failed else text
 
 
 def _refuse(message: str, code: int) -> int:

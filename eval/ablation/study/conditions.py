@@ -149,14 +149,21 @@ def chosen_levels(words: Sequence[str], suite: str | None) -> tuple[Levels, ...]
         suite: Name of a suite whose levels are added, None for none.
 
     Returns:
-        All levels, those of the suite last.
+        All levels, those of the suite last; strengths of an artefact that is in a word as well are added to
+        those of the word.
 
     Raises:
         ValueError: A word is not valid, or there is no such suite.
     """
     if suite is not None and suite not in SUITES:
         raise ValueError(f"suite must be one of {', '.join(SUITES)}, got {suite!r}")
-    return tuple(parse_levels(word) for word in (*words, *(SUITES[suite] if suite else ())))
+    given = [parse_levels(word) for word in words]
+    added = [parse_levels(word) for word in SUITES[suite]] if suite else []
+    names = {each.name for each in given}
+    return (
+        *(_with_added(each, added) for each in given),
+        *(each for each in added if each.name not in names),
+    )
 
 
 def runs(every: Sequence[Condition], sensor: Sensor) -> dict[str, Condition]:
@@ -200,6 +207,13 @@ _FAULT_TEXT = {
     "range_scale": lambda error: f"{100 * error:+.3g} %",
     "blocked_sector": lambda db: f"{db:.3g} dB",
 }
+
+
+def _with_added(levels: Levels, added: Sequence[Levels]) -> Levels:
+    """Return levels with those strengths of the same name in `added` that they lack."""
+    more = [one for each in added if each.name == levels.name for one in each.strengths]
+    lacking = tuple(one for one in more if one not in levels.strengths)
+    return replace(levels, strengths=(*levels.strengths, *lacking))
 
 
 def _strength(name: str, text: str) -> float | None:

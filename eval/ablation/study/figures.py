@@ -68,7 +68,8 @@ def summary_figure(study: AblationStudy, rows: Sequence[AblationRow]) -> bytes:
         labels = [condition_label(each) for each in changed] if column == 0 else []
         axes.set_yticks(range(len(changed)), labels=labels or [""] * len(changed), color=INK)
         axes.set_ylim(len(changed) - 0.5, -0.5)
-    _headed(figure, study, "What each artefact costs", "filled: the interval leaves out 0", left=0.02)
+    remark = "" if caution(len(study.drives)) else "filled: the interval leaves out 0"
+    _headed(figure, study, "What each artefact costs", remark, left=0.02)
     return png_bytes(figure)
 
 
@@ -196,5 +197,6 @@ def _headed(figure: Figure, study: AblationStudy, title: str, remark: str, *, le
         x += (0.35 + 0.1 * len(method.name)) / width
     drives = len(study.drives)
     few = ", too few for 95 %" if caution(drives) else ""
-    text = f"{drives} drives of {study.scans} scans; bars: 95 % over drives{few}; {remark}"
+    what = f"{drives} drives of {study.scans} scans; bars: 95 % over drives{few}"
+    text = "; ".join([what, *([remark] if remark else [])])
     figure.text(1 - 0.3 / width, 1 - 0.66 / height, text, size=10, color=FAINT, va="center", ha="right")

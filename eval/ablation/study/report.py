@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from echoscape.eval.ablation.study.figures import curves_figure, summary_figure
+from echoscape.eval.ablation.study.markdown_table import table_markdown
+from echoscape.eval.ablation.study.notes import cautions, chance_note, how_to_read
 from echoscape.eval.ablation.study.run import all_results
 from echoscape.eval.ablation.study.settings import AblationStudy, study_content
 from echoscape.eval.ablation.study.tables import (
@@ -18,10 +20,9 @@ from echoscape.eval.ablation.study.tables import (
     condition_label,
     difference_text,
     drives_csv,
-    notes,
+    failed_text,
     shown_metrics,
     table_csv,
-    table_markdown,
 )
 from echoscape.eval.figures.style import ACCENT, FAINT, FRAME, INK, PAGE, PANEL
 from echoscape.sim.datasets.files.atomic_write import write_atomic
@@ -83,15 +84,15 @@ def report_page(study: AblationStudy, rows: Sequence[AblationRow], figures: dict
     Returns:
         The page.
     """
-    first, *cautions = notes(study)
+    chance = chance_note(rows)
     parts = [
         "<!doctype html>",
         '<html lang="en"><head><meta charset="utf-8"><title>Ablation</title>',
         f"<style>{_STYLE}</style></head><body>",
         "<h1>What artefacts cost odometry</h1>",
-        f"<p>{html.escape(first.replace('Bold:', 'Orange:'))}</p>",
-        *(f'<p class="caution">{html.escape(each.replace("**", ""))}</p>' for each in cautions),
-        f"<p><small>{html.escape(chance_note(rows))}</small></p>",
+        f"<p>{html.escape(how_to_read(study, mark='Orange'))}</p>",
+        *(f'<p class="caution">Caution: {html.escape(each)}.</p>' for each in cautions(study, rows)),
+        *([f"<p><small>{html.escape(chance)}</small></p>"] if chance else []),
     ]
     for name, data in figures.items():
         parts.append(
@@ -105,35 +106,18 @@ def report_page(study: AblationStudy, rows: Sequence[AblationRow], figures: dict
     return "\n".join(parts)
 
 
-def chance_note(rows: Sequence[AblationRow]) -> str:
-    """Say how many intervals would leave out 0 by chance alone.
-
-    Args:
-        rows: The rows of an ablation.
-
-    Returns:
-        A sentence.
-    """
-    compared = [row for row in rows if row.condition.levels and row.metric in shown_metrics(rows)]
-    clear = sum(row.compared.is_clear for row in compared)
-    return (
-        f"{clear} of {len(compared)} intervals in these tables leave out 0; if no condition had any effect, "
-        f"some {0.05 * len(compared):.0f} of them would by chance."
-    )
-
-
 def _table(study: AblationStudy, rows: Sequence[AblationRow]) -> str:
     """Return the table of one method."""
     metrics = shown_metrics(rows)
     head = "".join(f"<th>{html.escape(each.title)} [{each.unit}]</th>" for each in metrics)
-    lines = [f"<table><tr><th>condition</th>{head}<th>failed</th></tr>"]
+    lines = [f"<table><tr><th>condition</th>{head}<th>failed pairs</th></tr>"]
     by_place = {(row.condition.name, row.metric.name): row for row in rows}
     for condition in study.conditions:
         found = [by_place.get((condition.name, each.name)) for each in metrics]
         some = next(row for row in found if row is not None)
         cells = "".join(map(_cell, found))
         label = html.escape(condition_label(condition))
-        lines.append(f"<tr><td>{label}</td>{cells}<td>{some.failed} of {some.pairs}</td></tr>")
+        lines.append(f"<tr><td>{label}</td>{cells}<td>{failed_text(some)}</td></tr>")
     return "\n".join([*lines, "</table>"])
 
 

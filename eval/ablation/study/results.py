@@ -159,7 +159,25 @@ def read_result(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text())
         for each in METRICS:
-            each.of(content)
+            value = each.of(content)
+            if value is not None:
+                float(value)
     except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError) as error:
         raise DatasetError(f"{path}: no result of an ablation ({type(error).__name__}: {error})") from error
     return content
+
+
+def has_result(path: Path) -> bool:
+    """Check whether a result is there and can be read.
+
+    Args:
+        path: The file, which may not exist.
+
+    Returns:
+        Whether it need not be made again.
+    """
+    try:
+        read_result(path)
+    except DatasetError:
+        return False
+    return True

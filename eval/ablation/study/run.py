@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from echoscape.eval.ablation.study.conditions import Condition
-from echoscape.eval.ablation.study.results import read_result, result_path
+from echoscape.eval.ablation.study.results import has_result, read_result, result_path
 from echoscape.eval.ablation.study.scans import DriveFolders, DriveWriter
-from echoscape.eval.ablation.study.settings import AblationDrive, AblationStudy, study_content
+from echoscape.eval.ablation.study.settings import CODE, AblationDrive, AblationStudy, study_content
 from echoscape.eval.ablation.study.workers import Task, carried_out, run_method, worker_pool, write_scan
 from echoscape.eval.odometry.methods import MethodChoice
 from echoscape.sim.datasets.files.atomic_write import (
@@ -108,10 +108,20 @@ def check_ablation(out: Path, study: AblationStudy, *, workers: int) -> dict[str
         assert isinstance(found, dict)
     except (OSError, ValueError, AssertionError) as error:
         raise DatasetError(f"{path}: cannot be read ({error})") from error
-    differing = difference(found, content)
+    _check_same(found, content)
+    return content
+
+
+def _check_same(found: dict[str, Any], content: dict[str, Any]) -> None:
+    """Refuse a folder whose ablation.json `found` has other settings than `content`, or is of other code."""
+    differing = difference({**found, CODE: content[CODE]}, content)
     if differing is not None:
         raise DatasetError(f"OUT holds another ablation, which this one cannot continue: {differing}")
-    return content
+    if found.get(CODE) != content[CODE]:
+        raise DatasetError(
+            f"OUT holds an ablation by other code of echoscape ({CODE} {found.get(CODE)}, now "
+            f"{content[CODE]}), which cannot be continued: take a new folder, or go back to that code"
+        )
 
 
 class _Counts:
@@ -172,7 +182,10 @@ def _results(
 
 
 def _is_done(out: Path, study: AblationStudy, drive: AblationDrive) -> bool:
-    return all(path.is_file() for _, _, path in _results(out, study, drive))
+    """Tell whether all results of a drive can be read, and all of its scans are there if they are kept."""
+    if study.keep_scans and not _folders(out, study, drive).complete:
+        return False
+    return all(has_result(path) for _, _, path in _results(out, study, drive))
 
 
 def _tidy(out: Path, study: AblationStudy, drive: AblationDrive) -> None:
@@ -200,7 +213,7 @@ def _run_drive(
         counts.add("scans", drive.config.scans)
     else:
         _simulate(folders, setup, pool, counts, threads=max(1, (os.cpu_count() or 1) // workers))
-    lacking = [each for each in _results(out, study, drive) if not each[2].is_file()]
+    lacking = [each for each in _results(out, study, drive) if not has_result(each[2])]
     counts.add("odometry", len(study.runs) * len(study.methods) - len(lacking))
     tasks = [
         Task(run_method, (folders.of(condition), method, drive.config.sensor, path, device))

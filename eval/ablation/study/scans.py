@@ -59,8 +59,39 @@ class DriveFolders:
 
     @property
     def complete(self) -> bool:
-        """Whether all scans are there: echoscape.json is written last."""
-        return all((self.of(each) / FILE_NAME).is_file() for each in self.conditions)
+        """Whether all scans are there and whole, and echoscape.json, which is written last."""
+        return all(map(self._is_complete, self.conditions))
+
+    def arriving(self, condition: Condition) -> NDArray[np.bool_]:
+        """Return which scans of the drive arrive under a condition.
+
+        Args:
+            condition: One of the conditions.
+
+        Returns:
+            Whether each scan arrives (scans,).
+        """
+        return arriving(condition.faults, self.drive.config.scans, seed=self.drive.config.seed)
+
+    def _is_complete(self, condition: Condition) -> bool:
+        folder = self.of(condition)
+        if not (folder / FILE_NAME).is_file():
+            return False
+        images = self.drive.config.folder_layout.scan_path(folder, "0").parent.glob("*.png")
+        whole = sum(self.is_whole(each, folder / "truth" / f"{each.stem}.npz") for each in images)
+        return whole >= self.arriving(condition).sum()
+
+    def is_whole(self, image: Path, truth: Path) -> bool:
+        """Check a scan.
+
+        Args:
+            image: Its image, which may not exist.
+            truth: Its truth, which counts only where it is kept.
+
+        Returns:
+            Whether it need not be simulated again.
+        """
+        return is_complete_png(image) and (not self.keep_truth or ends_as_archive(truth))
 
 
 class DriveWriter:
@@ -76,10 +107,7 @@ class DriveWriter:
         """
         self._folders, self._setup, self._threads = folders, setup, threads
         self._config = folders.drive.config
-        self._arriving = {
-            each.name: arriving(each.faults, self._config.scans, seed=self._config.seed)
-            for each in folders.conditions
-        }
+        self._arriving = {each.name: folders.arriving(each) for each in folders.conditions}
 
     @cached_property
     def _simulator(self) -> "Simulator":
@@ -142,8 +170,7 @@ class DriveWriter:
         return [each for each in arrives if not self._is_there(each, index)]
 
     def _is_there(self, condition: Condition, index: int) -> bool:
-        image, truth = self._paths(condition, self._stamps_us(condition, index))
-        return is_complete_png(image) and (not self._folders.keep_truth or ends_as_archive(truth))
+        return self._folders.is_whole(*self._paths(condition, self._stamps_us(condition, index)))
 
     def _write(self, condition: Condition, index: int, scan: PolarScan) -> None:
         """Write a scan as it is recorded under a condition."""

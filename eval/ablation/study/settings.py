@@ -1,5 +1,6 @@
 """The settings of an ablation: drives, conditions, methods, and the record that a resumed run must match."""
 
+import secrets
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
@@ -9,11 +10,17 @@ from typing import Any
 from echoscape.eval.ablation.study.conditions import Condition, runs
 from echoscape.eval.odometry.methods import MethodChoice
 from echoscape.scenes.io.scene_file import is_scene_file, read_scene_file
+from echoscape.sim.generation.cache import code_digest
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.manifest import manifest
 
 FORMAT = 1
 """Version of the folder's format."""
+CODE = "code_sha256"
+"""Entry of ablation.json with the digest of the code that decides its results."""
+_CODE_PACKAGES = ("scenes", "sim", "learn", "eval")
+_UNKNOWN_CODE = f"unknown: edited while process {secrets.token_hex(8)} ran"
+"""Stands for code that is newer than this process: no other process can continue what it does."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +129,7 @@ def study_content(study: AblationStudy) -> dict[str, Any]:
         "methods": {each.name: _method(each) for each in study.methods},
         "keep_scans": study.keep_scans,
         "versions": {**first["versions"], **_torch(study.methods)},
+        CODE: code_digest(_CODE_PACKAGES) or _UNKNOWN_CODE,
     }
 
 

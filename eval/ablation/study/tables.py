@@ -11,7 +11,6 @@ from echoscape.eval.ablation.study.bootstrap import PairedDifference, paired_dif
 from echoscape.eval.ablation.study.conditions import Condition, strength_text
 from echoscape.eval.ablation.study.results import METRICS, Metric
 from echoscape.eval.ablation.study.settings import AblationStudy
-from echoscape.eval.statistics.intervals import CONFIDENCE, caution
 
 Results = Mapping[tuple[str, str, str], dict[str, Any]]
 """Contents of results by the names of drive, condition and method."""
@@ -36,7 +35,7 @@ COLUMNS = (
 DRIVE_COLUMNS = ("drive", "condition", "method", "pairs", "failed", *(each.name for each in METRICS))
 """Columns of drives.csv."""
 _SHOWN = ("translation_error_mean", "rotation_error_mean", "translation_drift", "rotation_drift")
-"""Metrics in table.md."""
+"""Metrics in the tables that people read."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,42 +124,6 @@ def drives_csv(study: AblationStudy, results: Results) -> str:
     return _csv(DRIVE_COLUMNS, lines)
 
 
-def table_markdown(study: AblationStudy, rows: Sequence[AblationRow]) -> str:
-    """Write a table for each method in Markdown, differences with their intervals.
-
-    Args:
-        study: The ablation.
-        rows: Its rows.
-
-    Returns:
-        The tables. Differences whose interval leaves out 0 are bold.
-    """
-    parts = [*notes(study), ""]
-    for method in study.methods:
-        parts += [f"## {method.name}", "", *_method_table(study, rows, method.name), ""]
-    return "\n".join(parts)
-
-
-def notes(study: AblationStudy) -> list[str]:
-    """Say how the table has to be read.
-
-    Args:
-        study: The ablation.
-
-    Returns:
-        Sentences, the caution about few drives among them.
-    """
-    drives = len(study.drives)
-    few = caution(drives)
-    return [
-        f"{drives} {'drive' if drives == 1 else 'drives'} of {study.scans} scans. The first row of a method "
-        "holds its values under the default condition, means over drives; the others hold differences from "
-        f"it on the same drives and scans, with {100 * CONFIDENCE:g} % intervals from a bootstrap over "
-        "drives. Bold: the interval leaves out 0. Failed pairs count as no motion.",
-        *([f"**Caution:** {few}."] if few else []),
-    ]
-
-
 def condition_label(condition: Condition) -> str:
     """Name a condition for people.
 
@@ -197,7 +160,8 @@ def difference_text(row: AblationRow) -> str:
         The text; without interval for a single drive, "0" where no drive differs at all.
     """
     compared, digits = row.compared, row.metric.digits
-    if compared.difference == compared.low == compared.high == 0:
+    known = [each for each in (compared.difference, compared.low, compared.high) if not math.isnan(each)]
+    if not any(known):
         return "0"
     text = _signed(compared.difference, digits)
     if math.isnan(compared.low):
@@ -205,34 +169,22 @@ def difference_text(row: AblationRow) -> str:
     return f"{text} ({_signed(compared.low, digits)} to {_signed(compared.high, digits)})"
 
 
+def failed_text(row: AblationRow) -> str:
+    """Write how many pairs failed, such as "3 of 12 (25 %)".
+
+    Args:
+        row: The row.
+
+    Returns:
+        The text, without share where no pair failed.
+    """
+    share = f" ({100 * row.failed / row.pairs:.3g} %)" if row.failed else ""
+    return f"{row.failed} of {row.pairs}{share}"
+
+
 def _signed(value: float, digits: int) -> str:
     """Write a difference with its sign; what rounds to 0 is +0."""
     return f"{round(value, digits) + 0.0:+.{digits}f}"
-
-
-def _method_table(study: AblationStudy, rows: Sequence[AblationRow], method: str) -> list[str]:
-    """Return the lines of a method's table."""
-    metrics = shown_metrics(rows)
-    titles = ["condition", *(f"{each.title} [{each.unit}]" for each in metrics), "failed"]
-    lines = [f"| {' | '.join(titles)} |", f"|---|{'---|' * (len(titles) - 1)}"]
-    by_place = {(row.condition.name, row.metric.name): row for row in rows if row.method == method}
-    for condition in study.conditions:
-        found = [by_place.get((condition.name, each.name)) for each in metrics]
-        cells = [_markdown_cell(row) for row in found]
-        some = next(row for row in found if row is not None)
-        lines.append(
-            f"| {condition_label(condition)} | {' | '.join(cells)} | {some.failed} of {some.pairs} |"
-        )
-    return lines
-
-
-def _markdown_cell(row: AblationRow | None) -> str:
-    if row is None:
-        return ""
-    if not row.condition.levels:
-        return f"{row.compared.value:.{row.metric.digits}f}"
-    text = difference_text(row)
-    return f"**{text}**" if row.compared.is_clear else text
 
 
 def _csv_cells(row: AblationRow) -> list[str]:

@@ -79,6 +79,14 @@ def test_the_stress_suite_has_one_strength_of_each() -> None:
     assert {"rain", "interference"} < set(names)
 
 
+def test_a_strength_beside_a_suite_is_added_to_those_of_the_suite() -> None:
+    found = [each.name for each in listed("rain=10,50", "ghosts=0", "gain_step=3", suite="stress")]
+    assert found[:6] == ["default", "rain=10", "rain=50", "ghosts=0", "gain_step=3", "gain_step=-10"]
+    stresses = {each.name for each in listed(suite="stress")}
+    assert stresses <= set(found)
+    assert len(found) == len(stresses) + 3
+
+
 @pytest.mark.parametrize(
     ("word", "message"),
     [

@@ -11,35 +11,10 @@ from PIL import Image
 
 from echoscape.eval.ablation.study import figures
 from echoscape.eval.ablation.study.figures import curves_figure, summary_figure
-from echoscape.eval.ablation.study.report import chance_note, report_page
-from echoscape.eval.ablation.study.settings import AblationStudy
-from echoscape.eval.ablation.study.tables import Results, ablation_rows, difference_text, table_markdown
-from tests.eval.ablation.study.studies import small_study
-
-
-def made_up(study: AblationStudy, *, cost_m: dict[str, float], drift: bool = True) -> Results:
-    """Results in which a condition costs what is given on every drive, but for noise of drives."""
-    rng = np.random.default_rng(4)
-    found = {}
-    for number, drive in enumerate(study.drives):
-        for condition in study.conditions:
-            noise = 0.0 if condition.name == "default" else rng.normal(0, 1e-3)
-            error = 0.02 + 0.01 * number + cost_m.get(condition.name, 0.0) + noise
-            metrics = {
-                "pairs": 3,
-                "failed_pairs": 0,
-                "translation_error_m_mean": error,
-                "translation_error_m_median": error,
-                "rotation_error_deg_mean": 2 * error,
-                "rotation_error_deg_median": 2 * error,
-                "kitti_drift": {
-                    "translation_percent": error if drift else None,
-                    "rotation_deg_per_m": error if drift else None,
-                },
-            }
-            for method in study.methods:
-                found[drive.name, condition.name, method.name] = {"metrics": metrics}
-    return found
+from echoscape.eval.ablation.study.markdown_table import table_markdown
+from echoscape.eval.ablation.study.report import report_page
+from echoscape.eval.ablation.study.tables import ablation_rows
+from tests.eval.ablation.study.studies import made_up, small_study
 
 
 def drawn(data: bytes) -> np.ndarray:
@@ -126,19 +101,22 @@ def test_clear_differences_are_marked_in_tables_and_page() -> None:
     assert '<td class="clear">+0.30' in page
     assert "Caution" not in page
     assert "4 metrics" not in text
-    # Four metrics of four conditions are compared: 5 % of 16 intervals is one.
-    assert "of 16 intervals" in chance_note(rows)
-    assert "some 1 of them" in chance_note(rows)
-
-
-def test_what_rounds_to_nothing_has_no_minus() -> None:
-    row = ablation_rows(STUDY, made_up(STUDY, cost_m={}))[-1]
-    metric = replace(row.metric, digits=3)
-    compared = replace(row.compared, difference=-4e-4, low=-0.2, high=4e-4)
-    assert difference_text(replace(row, metric=metric, compared=compared)) == "+0.000 (-0.200 to +0.000)"
 
 
 def test_drives_too_short_for_drift_have_none() -> None:
     rows = ablation_rows(STUDY, made_up(STUDY, cost_m={}, drift=False))
     assert {row.metric.name for row in rows if "drift" in row.metric.name} == set()
     assert "drift" not in table_markdown(STUDY, rows)
+
+
+def test_the_summary_says_what_is_filled_only_where_an_interval_can_be_clear(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(figures, "png_bytes", lambda figure: said.extend(t.get_text() for t in figure.texts))
+    for drives in (5, 6):
+        study = small_study("ghosts=0", seeds=tuple(range(drives)))
+        summary_figure(study, ablation_rows(study, made_up(study, cost_m={})))
+    few, enough = (text for text in said if "bars" in text)
+    assert few == "5 drives of 2 scans; bars: 95 % over drives, too few for 95 %"
+    assert enough == "6 drives of 2 scans; bars: 95 % over drives; filled: the interval leaves out 0"

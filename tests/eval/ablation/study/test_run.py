@@ -1,6 +1,7 @@
 """Ablations: the same bytes however interrupted and shared out, failures counted, other settings refused."""
 
 import csv
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from tests.eval.ablation.study.studies import small_study
 
 LEVELS = ("ghosts=0,1", "blank_azimuths=1", "dropped_scans=0.5")
 STUDY = small_study(*LEVELS, seeds=(1, 2), scans=3)
+KEPT = small_study("ghosts=0", "dropped_scans=0.5", keep_scans=True)
 
 
 def finished(out: Path, study: AblationStudy = STUDY, *, workers: int = 1) -> dict[str, bytes]:
@@ -34,6 +36,18 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("ablation") / "res"
     finished(out)
     return out
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("kept") / "res"
+    run_ablation(out, KEPT)
+    return out
+
+
+def contents(out: Path) -> dict[Path, bytes]:
+    """Return all files of a folder by their path in it."""
+    return {path.relative_to(out): path.read_bytes() for path in out.rglob("*") if path.is_file()}
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -134,6 +148,75 @@ def test_a_finished_run_is_not_repeated(done: Path, monkeypatch: pytest.MonkeyPa
     assert finished(done)["table.csv"] == before
 
 
+def test_a_damaged_result_is_made_again(done: Path, tmp_path: Path) -> None:
+    out = tmp_path / "res"
+    shutil.copytree(done, out)
+    damaged = out / "results" / "yard_2" / "ghosts=0" / "fourier.json"
+    damaged.write_bytes(damaged.read_bytes()[:50])
+    counted: list[tuple[str, int, int]] = []
+    run_ablation(out, STUDY, progress=lambda *step: counted.append(step))
+    assert ("odometry", 7, 8) in counted  # the other results stay
+    same = damaged.relative_to(out)
+    assert damaged.read_bytes() == (done / same).read_bytes()
+    assert not (out / "scans").exists()
+
+
+@pytest.mark.parametrize("lost", ["", "dropped_scans=0.5", "default/radar", "ghosts=0/truth", "one image"])
+def test_kept_scans_that_were_lost_are_simulated_again(lost: str, kept: Path, tmp_path: Path) -> None:
+    out = tmp_path / "res"
+    shutil.copytree(kept, out)
+    drive = out / "scans" / "yard_1"
+    if lost == "one image":
+        next(iter((drive / "default").glob("radar/*.png"))).write_bytes(b"half")
+    else:
+        shutil.rmtree(drive / lost)
+    run_ablation(out, KEPT)
+    assert contents(out) == contents(kept)
+
+
+def test_kept_scans_that_are_there_are_not_simulated_again(
+    kept: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("echoscape.eval.ablation.study.run.build_scene", None)
+    before = contents(kept)
+    run_ablation(kept, KEPT)
+    assert contents(kept) == before
+
+
+def test_other_code_is_refused_by_its_digest(
+    done: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "res"
+    shutil.copytree(done, out)
+    before = contents(out)
+    asked: list[tuple[str, ...]] = []
+
+    def other(packages: tuple[str, ...]) -> str:
+        asked.append(packages)
+        return "0ther"
+
+    monkeypatch.setattr("echoscape.eval.ablation.study.settings.code_digest", other)
+    with pytest.raises(DatasetError, match=r"by other code of echoscape \(code_sha256 \w+.*, now 0ther\)"):
+        run_ablation(out, STUDY)
+    assert asked == [("scenes", "sim", "learn", "eval")]
+    with pytest.raises(DatasetError, match="scans was 3, now it is 4"):  # settings are named first
+        run_ablation(out, small_study(*LEVELS, seeds=(1, 2), scans=4))
+    assert contents(out) == before
+
+
+def test_code_that_is_edited_meanwhile_is_continued_by_the_same_process_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = "echoscape.eval.ablation.study.settings"
+    study = small_study("ghosts=0")
+    monkeypatch.setattr(f"{settings}.code_digest", lambda _: None)
+    run_ablation(tmp_path / "res", study)
+    run_ablation(tmp_path / "res", study)
+    monkeypatch.setattr(f"{settings}._UNKNOWN_CODE", "that of another process")
+    with pytest.raises(DatasetError, match=r"code_sha256 unknown: edited while .*, now that of another"):
+        run_ablation(tmp_path / "res", study)
+
+
 @pytest.mark.parametrize(
     ("study", "message"),
     [
@@ -163,11 +246,10 @@ def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"letter.txt", "ablation.json"}
 
 
-def test_kept_scans_are_data_sets_with_truth(tmp_path: Path) -> None:
+def test_kept_scans_are_data_sets_with_truth(kept: Path) -> None:
     from echoscape.sim.datasets.scan_folder import open_folder
 
-    run_ablation(tmp_path / "res", small_study("ghosts=0", keep_scans=True))
-    folder = open_folder(tmp_path / "res" / "scans" / "yard_1" / "ghosts=0")
+    folder = open_folder(kept / "scans" / "yard_1" / "ghosts=0")
     truth = folder.truth(1)
     assert truth is not None
     assert not (truth.cells.component == 3).any()
