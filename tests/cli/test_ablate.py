@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from echoscape.cli.__main__ import main
 from echoscape.cli.ablate import Options, _one_by_one
 from echoscape.cli.arguments import with_config_file
+from tests.paths import ROOT
 
 YARD = "--worlds yard:1 --scans 2 --radar cts_small --trace.rays 16 --methods fourier"
 
@@ -30,6 +32,39 @@ def test_a_difference_is_printed_and_files_are_named(
     assert {row["low"] for row in rows} == {""}
     assert main(["ablate", *f"--out {out} {YARD} --artefact ghosts=0".split()]) == 2
     assert "OUT holds another ablation, which this one cannot continue: " in capsys.readouterr().err
+
+
+def test_failed_pairs_and_drives_of_one_seed_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Scans without any echo cannot be compared; the yard's few points are too few for cen2018."""
+    for path in (ROOT / "examples").glob("yard.*"):
+        shutil.copy(path, tmp_path)
+    (tmp_path / "yard.toml").rename(tmp_path / "a.toml")
+    words = f"--out {tmp_path / 'res'} {YARD} --worlds yard:1 {tmp_path / 'a.toml'}:1"
+    words += " --methods fourier,cen2018 --artefact blank_azimuths=1"
+    assert main(["ablate", *words.split()]) == 0
+    said = capsys.readouterr()
+    (line,) = (line for line in said.out.splitlines() if line.startswith("blank azimuths 100 %"))
+    assert line.count("2 of 2 (100 %) failed") == 2
+    for text in (
+        "of the pairs of cen2018, 2 of 2 (100 %) fail under the default condition",
+        "yard_1 and a_1 have the same seed, 1",
+    ):
+        assert text in said.err
+        assert text in (tmp_path / "res" / "report.html").read_text()
+        assert text in (tmp_path / "res" / "table.md").read_text()
+    assert "of fourier" not in said.err
+
+
+def test_all_methods_are_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    from echoscape.eval.odometry.methods import HAND_MADE
+
+    with pytest.raises(SystemExit):
+        main(["ablate", "--help"])
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for name in HAND_MADE:
+        assert f" {name}" in said
 
 
 def test_options_may_come_from_a_file(tmp_path: Path) -> None:
@@ -63,7 +98,7 @@ def test_the_default_condition_takes_the_options_of_a_simulation(tmp_path: Path)
         ("", "an artefact or a suite must be given"),
         ("--artefact snow=1", "--artefact: must name an artefact"),
         ("--artefact rain=1000", "--artefact: rain must be between 0 and 150, got 1000"),
-        ("--artefact rain=5 --suite stress", "--artefact: rain must be given once"),
+        ("--artefact rain=5 --artefact rain=9 --suite stress", "--artefact: rain must be given once"),
         ("--suite hard", "--suite"),
         ("--suite stress --grid", "--grid combines the strengths of --artefact: not with --suite"),
         ("--suite stress --methods sift", "--methods: a method must be one of fourier, "),
