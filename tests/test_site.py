@@ -1,6 +1,7 @@
 """What the site must not miss: public names, commands, the version. `make docs` checks links and pages."""
 
 import re
+from datetime import UTC, date, datetime
 from importlib import import_module, metadata
 from pathlib import Path
 
@@ -42,6 +43,11 @@ def test_every_command_shows_its_options() -> None:
 def test_the_citation_has_the_version_of_the_package() -> None:
     (version,) = re.findall(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
     assert version == metadata.version("echoscape")
+
+
+def test_the_citation_has_the_date_of_that_version() -> None:
+    (day,) = re.findall(r"^date-released: (.*)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    assert date(2026, 1, 1) < date.fromisoformat(day) <= datetime.now(UTC).date()
 
 
 @pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda path: path.stem)
