@@ -6,7 +6,8 @@ refused.
 
 import math
 from itertools import pairwise
-from numbers import Integral
+from numbers import Integral, Real
+from types import UnionType
 
 
 def check_between(settings: object, **limits: tuple[float, float]) -> None:
@@ -41,6 +42,37 @@ def check_whole(*, least: int | None = 0, **values: object) -> None:
             raise ValueError(f"{name} must be a whole number, got {value!r}")
         if least is not None and int(value) < least:
             raise ValueError(f"{name} must be {least} or more, got {value}")
+
+
+def check_kind(kind: type | UnionType, **values: object) -> None:
+    """Check that arguments are of a type.
+
+    Args:
+        kind: The type, or a union of types.
+        **values: The arguments by name.
+
+    Raises:
+        TypeError: A value is of another type.
+    """
+    for name, value in values.items():
+        if not isinstance(value, kind):
+            wanted = kind.__name__ if isinstance(kind, type) else str(kind)
+            words = " or ".join(each.rpartition(".")[2] for each in wanted.split(" | "))
+            raise TypeError(f"{name} must be of type {words}, got {value!r}")
+
+
+def check_number(**values: object) -> None:
+    """Check that arguments are numbers, not bools.
+
+    Args:
+        **values: The arguments by name.
+
+    Raises:
+        ValueError: A value is no number.
+    """
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, Real):
+            raise ValueError(f"{name} must be a number, got {value!r}")
 
 
 def check_ascending(settings: object, *names: str, above_zero: bool = True) -> None:

@@ -21,6 +21,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 import echoscape.scenes as scenes
 from echoscape.sim.datasets.files.atomic_write import write_atomic
 from echoscape.sim.datasets.files.record_file import RecordError, record_bytes, record_of
@@ -75,7 +77,7 @@ def cached(
     Args:
         name: What is built, in small letters.
         kind: Its type, made of dataclasses, see `sim.datasets.files.record_file`.
-        settings: All that decides it, as JSON takes it.
+        settings: All that decides it, as JSON takes it; numbers may be NumPy's.
         build: Builds it.
         code: Top-level packages whose code builds it.
 
@@ -86,7 +88,9 @@ def cached(
     if folder is None or digest is None:
         return build()
     key = json.dumps(
-        {"name": name, "settings": settings, "code": digest, "versions": _versions()}, sort_keys=True
+        {"name": name, "settings": settings, "code": digest, "versions": _versions()},
+        sort_keys=True,
+        default=plain_number,
     )
     path = folder / f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:32]}.echoscape"
     try:
@@ -102,6 +106,23 @@ def cached(
     except (OSError, RecordError) as error:
         _LOG.warning("%s of this run is not kept in the cache: %s", name, error)
     return built
+
+
+def plain_number(value: object) -> object:
+    """Convert a number of NumPy, which JSON does not take.
+
+    Args:
+        value: The number.
+
+    Returns:
+        The Python number of this value.
+
+    Raises:
+        TypeError: The value is something else.
+    """
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"a setting must be made of numbers, words and lists, got {value!r}")
 
 
 @lru_cache(maxsize=8)

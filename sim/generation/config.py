@@ -78,6 +78,8 @@ class SimulationConfig:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
         check_whole(seed=self.seed)
         check_whole(scans=self.scans, least=1)
+        for name in ("seed", "scans"):  # NumPy's integers are no JSON
+            object.__setattr__(self, name, int(getattr(self, name)))
         if self.layout is not None and self.layout not in LAYOUTS:
             raise ValueError(f"layout must be one of {', '.join(LAYOUTS)}, got {self.layout!r}")
         if not 0 <= self.sensor.rotation_jitter_s < 0.1 / self.sensor.rotation_hz:

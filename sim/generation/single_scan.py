@@ -6,7 +6,7 @@ later read the folder that `echoscape simulate` writes.
 
 from functools import lru_cache
 
-from echoscape.scenes.core.checks import check_whole
+from echoscape.scenes.core.checks import check_kind, check_whole
 from echoscape.scenes.io.scene_file import AnyScene
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.generation.config import SimulationConfig
@@ -49,8 +49,11 @@ def scan(
 
     Raises:
         ValueError: `index` is not below `scans`, or another argument cannot be simulated.
+        TypeError: `sensor` is no `Sensor`, or `artefacts` are no `Artefacts`.
         SceneError: The scene's file has changed or is broken, or its drive too short or obstructed.
     """
+    check_kind(Sensor, sensor=sensor)
+    check_kind(Artefacts | None, artefacts=artefacts)
     check_whole(scans=scans, least=1)
     check_whole(index=index, least=None)
     if not 0 <= index < scans:
@@ -63,7 +66,7 @@ def scan(
         sensor=sensor,
         artefacts=artefacts or Artefacts(),
     )
-    return _simulator(config).scan(index)
+    return _simulator(config).scan(int(index))
 
 
 def build_simulator(config: SimulationConfig) -> Simulator:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -93,6 +94,25 @@ def test_scans_have_the_same_bytes_without_cache_cold_and_warm(
     assert sorted(path.name.partition("-")[0] for path in folder.iterdir()) == ["drive", "town", "traffic"]
     monkeypatch.setenv("ECHOSCAPE_CACHE", "off")
     assert cold == warm == build_simulator(config).scan(1)
+
+
+@pytest.mark.usefixtures("folder")
+def test_numbers_of_numpy_are_kept_as_the_same_settings() -> None:
+    builder = Builder()
+    for settings in ({"a": 7, "b": {"c": 0.5}}, {"a": np.int64(7), "b": {"c": np.float32(0.5)}}):
+        assert same(builder.cached(**settings), builder.thing)
+    assert builder.built == 1
+    with pytest.raises(TypeError, match=r"a setting must be made of numbers, words and lists, got \{1\}"):
+        builder.cached(a={1})
+
+
+def test_a_configuration_with_numbers_of_numpy_is_kept_whole(folder: Path) -> None:
+    numbers: dict[str, Any] = {"seed": np.int64(3), "scans": np.int16(4)}
+    build_scene(replace(CONFIG, **numbers))
+    names = sorted(path.name for path in folder.iterdir())
+    assert [name.partition("-")[0] for name in names] == ["drive", "town"]
+    build_scene(CONFIG)
+    assert sorted(path.name for path in folder.iterdir()) == names
 
 
 def test_a_second_run_builds_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

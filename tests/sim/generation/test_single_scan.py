@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from echoscape.sim.datasets.scan_folder import open_folder
@@ -36,6 +37,25 @@ def test_index_outside_of_the_drive_is_refused(index: int) -> None:
 def test_unknown_preset_is_refused() -> None:
     with pytest.raises(ValueError, match="preset must be one of"):
         scan("moon", seed=1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sensor": 5}, "sensor must be of type Sensor, got 5"),
+        ({"sensor": "cts350x"}, "sensor must be of type Sensor, got 'cts350x'"),
+        ({"artefacts": 5}, "artefacts must be of type Artefacts or None, got 5"),
+        ({"artefacts": {"ghosts": 0}}, "artefacts must be of type Artefacts or None, got "),
+    ],
+)
+def test_arguments_of_another_type_are_refused_by_name(changes: dict, message: str) -> None:
+    with pytest.raises(TypeError, match=f"^{message}"):
+        scan("empty", seed=1, **changes)
+
+
+def test_numbers_of_numpy_are_the_same_arguments() -> None:
+    numbers: dict[str, Any] = {"seed": np.int64(3), "index": np.int8(1), "scans": np.uint16(3)}
+    assert scan("empty", sensor=FEW, **numbers) == scan("empty", seed=3, index=1, scans=3, sensor=FEW)
 
 
 @pytest.mark.parametrize("name", ["seed", "index", "scans"])
