@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from echoscape.scenes.core.checks import check_kind, check_number, check_whole
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.testing.golden_file import Golden, GoldenError, read_golden, versions, write_golden
 
@@ -19,6 +20,8 @@ OTHER_VERSIONS: Mapping[str, float] = {"max_share": 1e-4, "max_codes": 6}
 """Tolerance for scans of other versions of NumPy and SciPy, which move 3e-5 of the cells by up to 6 codes."""
 
 _NAME = re.compile(r"[\w][\w.-]*")
+_LONGEST_NAME = 200
+"""Length of a name for which files may still be named with ".difference.png" and a process [bytes]."""
 _MORE = 3
 """Number of cells that a message shows."""
 
@@ -36,6 +39,8 @@ class GoldenScans:
     ) -> None:
         """Compare with the scans of a folder.
 
+        `written` has the digests of the scans that were stored, by the path of the file.
+
         Args:
             folder: Folder of the stored scans; it need not exist.
             test: The test, as pytest names it on its command line, for messages.
@@ -43,7 +48,7 @@ class GoldenScans:
             writers: Tests that have stored scans in this run, by the path of the file; extended.
         """
         self.folder = folder
-        self.written: list[Path] = []
+        self.written: dict[Path, str] = {}
         self._test = test
         self._update = update
         self._writers = {} if writers is None else writers
@@ -62,18 +67,18 @@ class GoldenScans:
 
         Args:
             scan: A scan, or an array (azimuths, bins) uint8 or bool that a test has made of one.
-            name: Name of the stored scan within the folder: letters, digits, "_", "-" and ".".
+            name: Name of the stored scan within the folder: letters, digits, "_", "-" and ".", up to 200
+                bytes of UTF-8.
             max_share: Largest share of cells that may differ [0 to 1].
-            max_codes: Largest difference of a cell [codes].
+            max_codes: Largest difference of a cell, a whole number [codes].
 
         Raises:
             AssertionError: The scan differs, or none is stored; the message says how, and how to store it.
-            TypeError: `scan` is of another type.
+            TypeError: `scan` or `name` is of another type.
             ValueError: `name` or a limit is not allowed.
         """
         __tracebackhide__ = True
-        if not _NAME.fullmatch(name):
-            raise ValueError(f"name must hold letters, digits, '_', '-' and '.' only, got {name!r}")
+        _check_name(name)
         _check_limits(max_share, max_codes)
         path, found = self.folder / f"{name}.png", _golden(scan)
         picture = path.with_suffix(".difference.png")
@@ -95,7 +100,7 @@ class GoldenScans:
             pass
         write_golden(path, found)
         self._writers[path] = self._test
-        self.written.append(path)
+        self.written[path] = found.digest
 
     def _problem(
         self, path: Path, found: Golden, picture: Path, max_share: float | None, max_codes: int | None
@@ -134,11 +139,24 @@ class GoldenScans:
         return f"to store what the test makes now: {how}"
 
 
+def _check_name(name: object) -> None:
+    check_kind(str, name=name)
+    if not _NAME.fullmatch(str(name)):
+        raise ValueError(f"name must hold letters, digits, '_', '-' and '.' only, got {name!r}")
+    size = len(str(name).encode())
+    if size > _LONGEST_NAME:
+        raise ValueError(f"name must have {_LONGEST_NAME} bytes of UTF-8 or fewer, got {size}: {name!r}")
+
+
 def _check_limits(max_share: float | None, max_codes: int | None) -> None:
-    if max_share is not None and not 0 <= max_share <= 1:
-        raise ValueError(f"max_share must be between 0 and 1, got {max_share}")
-    if max_codes is not None and not 0 <= max_codes <= 255:
-        raise ValueError(f"max_codes must be between 0 and 255, got {max_codes}")
+    if max_share is not None:
+        check_number(max_share=max_share)
+        if not 0 <= max_share <= 1:
+            raise ValueError(f"max_share must be between 0 and 1, got {max_share}")
+    if max_codes is not None:
+        check_whole(max_codes=max_codes, least=None)
+        if not 0 <= max_codes <= 255:
+            raise ValueError(f"max_codes must be between 0 and 255, got {max_codes}")
 
 
 def _golden(scan: Any) -> Golden:

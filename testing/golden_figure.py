@@ -41,8 +41,11 @@ def write_difference(path: Path, stored: Golden, found: Golden) -> None:
     change = found.codes.astype(np.int16) - stored.codes
     rows, columns = np.nonzero(change)
     sizes = np.abs(change[rows, columns])
-    most = max(float(np.percentile(sizes, _FULL_COLOUR_PERCENTILE)), _LEAST_CODES)
-    full = 1.0 if max(stored.codes.max(), found.codes.max()) <= 1 else FULL_SCALE_CODE
+    if found.mask:
+        label, full, most = "cell is set", 1.0, 1.0
+    else:
+        label, full = "code [half dB]", FULL_SCALE_CODE
+        most = max(float(np.percentile(sizes, _FULL_COLOUR_PERCENTILE)), _LEAST_CODES)
     panels = (
         ("stored", stored.codes, ECHO_COLOURMAP, 0.0, full),
         ("now", found.codes, ECHO_COLOURMAP, 0.0, full),
@@ -61,7 +64,7 @@ def write_difference(path: Path, stored: Golden, found: Golden) -> None:
             interpolation="nearest",
             extent=_extent(found),
         )
-        _style(each, title, image)
+        _style(each, title, image, label)
     if len(rows) <= _FEW:
         places = (columns + 0.5) * _bin_size(found)
         axes[-1].scatter(places, rows, s=90, facecolors="none", edgecolors=ACCENT, linewidths=0.8)
@@ -81,11 +84,11 @@ def _extent(golden: Golden) -> tuple[float, float, float, float]:
     return 0.0, bins * _bin_size(golden), rows - 0.5, -0.5
 
 
-def _style(axes: Axes, title: str, image: AxesImage) -> None:
+def _style(axes: Axes, title: str, image: AxesImage, label: str) -> None:
     axes.set_title(title, color=INK, fontsize=10, loc="left")
     axes.set_ylabel("azimuth", color=FAINT)
     axes.tick_params(colors=FAINT)
     axes.spines[:].set_color(FRAME)
     bar = axes.figure.colorbar(image, ax=axes, pad=0.01, aspect=12)
-    bar.set_label("code [half dB]", color=FAINT)
+    bar.set_label(label, color=FAINT)
     bar.ax.tick_params(colors=FAINT)

@@ -1,5 +1,6 @@
 """The file of a golden scan: a grey PNG image of its codes, with its axes and the versions that made it."""
 
+import hashlib
 import io
 import json
 from collections.abc import Mapping
@@ -40,6 +41,12 @@ class Golden:
     axes: Mapping[str, Any]
     versions: Mapping[str, str]
     mask: bool = False
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of codes and axes, equal where `same` holds."""
+        meaning = json.dumps([self.codes.shape, self.mask, self.axes], sort_keys=True)
+        return hashlib.sha256(meaning.encode() + np.ascontiguousarray(self.codes).tobytes()).hexdigest()
 
     def same(self, other: "Golden") -> bool:
         """Return whether codes and axes are equal, whatever made them."""

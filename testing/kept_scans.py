@@ -14,12 +14,15 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from echoscape.sim.generation.cache import cached, package_version
+from echoscape.sim.generation.cache import cached, package_version, plain_number
 from echoscape.testing.settings import ScanSettings
 
 _CODE = ("scenes", "sim", "testing")
 _TRACER = ("drjit", "mitsuba", "karellen-llvm-core")
 _MEMORY: dict[str, Any] = {}
+"""What was asked for in this process, the last one at the end."""
+MOST_BYTES = 256 * 2**20
+"""Size up to which scans stay in memory [bytes]: a hundred small ones, or a few of the CTS350-X."""
 
 Record = TypeVar("Record")
 
@@ -30,17 +33,40 @@ def kept(name: str, kind: Any, settings: Mapping[str, Any], build: Callable[[], 
     Args:
         name: What is made, in small letters.
         kind: Its type, a dataclass.
-        settings: All that decides it, as JSON takes it.
+        settings: All that decides it, as JSON takes it; numbers may be NumPy's.
         build: Makes it.
 
     Returns:
         The record; its arrays cannot be written to, so that one test cannot change the scan of another.
     """
-    key = json.dumps([name, settings], sort_keys=True)
-    if key not in _MEMORY:
-        content = {**settings, "tracer": _tracer()}
-        _MEMORY[key] = _read_only(cached(name, kind, content, build, code=_CODE))
-    return _MEMORY[key]
+    key = json.dumps([name, settings], sort_keys=True, default=plain_number)
+    if key in _MEMORY:
+        found = _MEMORY.pop(key)
+    else:
+        found = _read_only(cached(name, kind, {**settings, "tracer": _tracer()}, build, code=_CODE))
+    _MEMORY[key] = found
+    _forget_oldest()
+    return found
+
+
+def _forget_oldest() -> None:
+    """Forget what was not asked for longest, so that many large scans do not fill the memory."""
+    sizes = {key: _size(each) for key, each in _MEMORY.items()}
+    total = sum(sizes.values())
+    for key in list(sizes)[:-1]:
+        if total <= MOST_BYTES:
+            return
+        del _MEMORY[key]
+        total -= sizes[key]
+
+
+def _size(record: Any) -> int:
+    """Return the size of the arrays of a record [bytes]."""
+    if isinstance(record, np.ndarray):
+        return record.nbytes
+    if not is_dataclass(record):
+        return 0
+    return sum(_size(getattr(record, each.name)) for each in fields(record))
 
 
 def settings_content(settings: ScanSettings, names: Sequence[str]) -> dict[str, Any]:
@@ -51,7 +77,7 @@ def settings_content(settings: ScanSettings, names: Sequence[str]) -> dict[str, 
         names: Those that count.
 
     Returns:
-        Their values by name.
+        Their values by name, as JSON takes them but for NumPy's numbers.
 
     Raises:
         ValueError: The sensor's file cannot be read or describes none.
@@ -77,12 +103,10 @@ def _tracer() -> dict[str, str]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a setting as JSON takes it."""
+    """Return a setting without classes of one's own."""
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
-    if isinstance(value, Mapping):
-        return dict(value)
-    return value.item() if isinstance(value, np.generic) else value
+    return dict(value) if isinstance(value, Mapping) else value
 
 
 def _read_only(record: Record) -> Record:

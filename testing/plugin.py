@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _CACHE_VARIABLE = "ECHOSCAPE_CACHE"
 _WRITTEN = "radar_golden"
-"""Name of the property of a test that names the golden scans that it has written."""
+"""Name of the property of a test that has the digest and the path of a golden scan that it has written."""
 _CACHE_BEFORE: pytest.StashKey[str | None] = pytest.StashKey()
 _WRITERS: pytest.StashKey[dict[Path, str]] = pytest.StashKey()
 
@@ -59,7 +59,7 @@ def pytest_configure(config: pytest.Config) -> None:
     given, written = config.getoption("radar_cache"), config.getini("radar_cache")
     if given or written:
         base = config.invocation_params.dir if given else config.rootpath
-        place = given or written
+        place = os.path.expanduser(given or written)  # a shell leaves the "~" after "=" alone
         os.environ[_CACHE_VARIABLE] = place if place.lower() in ("0", "off") else str(base / place)
         config.option.radar_cache = os.environ[_CACHE_VARIABLE]
     seed = _option(config, "seed")
@@ -125,6 +125,7 @@ def _check(settings: ScanSettings) -> None:
 
 
 # ---------------------------------------------------------------------- fixtures
+# None but the settings is used by another: a project may have one of the same name with a narrower scope.
 
 
 @pytest.fixture(scope="session")
@@ -153,9 +154,11 @@ def make_radar_target(radar_settings: ScanSettings) -> "Callable[..., TargetScan
 
 
 @pytest.fixture(scope="session")
-def radar_scan(make_radar_scan: "Callable[..., PolarScan]") -> "PolarScan":
+def radar_scan(radar_settings: ScanSettings) -> "PolarScan":
     """A scan with its truth, read-only: codes in half decibels, 100 azimuths x 512 bins by default."""
-    return make_radar_scan()
+    from echoscape.testing.scans import make_scan
+
+    return make_scan(radar_settings)
 
 
 @pytest.fixture(scope="session")
@@ -175,21 +178,27 @@ def radar_drive(radar_settings: ScanSettings) -> "tuple[PolarScan, ...]":
 
 
 @pytest.fixture(scope="session")
-def radar_target(make_radar_target: "Callable[..., TargetScan]") -> "TargetScan":
+def radar_target(radar_settings: ScanSettings) -> "TargetScan":
     """A corner reflector on a plane, the car at rest: (scan, range_m, bearing_rad)."""
-    return make_radar_target()
+    from echoscape.testing.target import make_target
+
+    return make_target(settings=radar_settings)
 
 
 @pytest.fixture(scope="session")
-def radar_clean(make_radar_scan: "Callable[..., PolarScan]") -> "PolarScan":
+def radar_clean(radar_settings: ScanSettings) -> "PolarScan":
     """The scan `radar_full` without ghosts, speckle and saturation."""
-    return make_radar_scan(artefacts=CLEAN)
+    from echoscape.testing.scans import make_scan
+
+    return make_scan(radar_settings, artefacts=CLEAN)
 
 
 @pytest.fixture(scope="session")
-def radar_full(radar_scan: "PolarScan") -> "PolarScan":
+def radar_full(radar_settings: ScanSettings) -> "PolarScan":
     """The scan `radar_clean` with ghosts, speckle and saturation, which is `radar_scan`."""
-    return radar_scan
+    from echoscape.testing.scans import make_scan
+
+    return make_scan(radar_settings)
 
 
 # ---------------------------------------------------------------------- golden scans
@@ -209,23 +218,45 @@ def radar_golden(request: pytest.FixtureRequest) -> "Iterator[GoldenScans]":
         writers=request.config.stash[_WRITERS],
     )
     yield golden
-    for path in golden.written:
-        request.node.user_properties.append((_WRITTEN, os.path.relpath(path, here)))
+    for path, digest in golden.written.items():
+        entry = f"{digest} {os.path.relpath(path, here)}"
+        request.node.user_properties.append((_WRITTEN, entry))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Fail where two tests have stored different scans under one name, which processes cannot know."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    written = {} if reporter is None else _written(reporter)
+    if any(len(digests) > 1 for digests in written.values()) and session.exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def _written(reporter: Any) -> dict[str, dict[str, str]]:
+    """Return the tests that have stored a scan, of all processes: by its path and its digest."""
+    found: dict[str, dict[str, str]] = {}
+    for report in (each for group in reporter.stats.values() for each in group):
+        for name, entry in getattr(report, "user_properties", ()):
+            if name == _WRITTEN:
+                digest, path = entry.split(" ", 1)
+                found.setdefault(path, {})[digest] = report.nodeid
+    return found
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     """List the golden scans that were written, by all processes."""
     if not config.getoption("radar_update_golden"):
         return
-    reports = [each for group in terminalreporter.stats.values() for each in group]
-    found = {
-        path
-        for report in reports
-        for name, path in getattr(report, "user_properties", ())
-        if name == _WRITTEN
-    }
+    found = _written(terminalreporter)
     terminalreporter.section("golden scans")
-    for path in sorted(found):
-        terminalreporter.write_line(f"written: {path}")
+    for path, tests in sorted(found.items()):
+        if len(tests) > 1:
+            names = " and ".join(sorted(tests.values()))
+            terminalreporter.write_line(
+                f"ERROR: {path} was stored by {names}, with different scans: each needs a name of its own",
+                red=True,
+            )
+        else:
+            terminalreporter.write_line(f"written: {path}")
     if not found:
         terminalreporter.write_line("all as stored; nothing written")

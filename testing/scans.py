@@ -1,9 +1,11 @@
 """Scans of drives for tests, with the bytes that `echoscape simulate` writes with the same settings."""
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from echoscape.scenes.core.checks import check_kind, check_whole
 from echoscape.sim.datasets.polar_scan import PolarScan, ScanTruth
 from echoscape.sim.datasets.se2 import SE2, from_world, relative
 from echoscape.testing.kept_scans import kept, settings_content
@@ -40,9 +42,9 @@ def make_scan(settings: ScanSettings | None = None, **changes: Any) -> PolarScan
 
     Raises:
         ValueError: A setting cannot be simulated; the message names it.
-        TypeError: There is no setting of a name.
+        TypeError: There is no setting of a name, or one is of another type.
     """
-    settings = replace(settings or ScanSettings(), **changes)
+    settings = checked_settings(settings, changes)
     if not 0 <= settings.index < settings.scans:
         raise ValueError(f"index must be from 0 to scans - 1 ({settings.scans - 1}), got {settings.index}")
     content = settings_content(settings, [each.name for each in fields(settings)])
@@ -61,9 +63,9 @@ def make_drive(settings: ScanSettings | None = None, **changes: Any) -> tuple[Po
 
     Raises:
         ValueError: A setting cannot be simulated; the message names it.
-        TypeError: There is no setting of a name.
+        TypeError: There is no setting of a name, or one is of another type.
     """
-    settings = replace(settings or ScanSettings(), **changes)
+    settings = checked_settings(settings, changes)
     return tuple(make_scan(settings, index=index) for index in range(settings.scans))
 
 
@@ -79,12 +81,38 @@ def make_pair(settings: ScanSettings | None = None, **changes: Any) -> ScanPair:
 
     Raises:
         ValueError: A setting cannot be simulated; the message names it.
-        TypeError: There is no setting of a name.
+        TypeError: There is no setting of a name, or one is of another type.
     """
-    settings = replace(settings or ScanSettings(), **changes)
+    settings = checked_settings(settings, changes)
     first, second = (make_scan(settings, index=settings.index + step) for step in (0, 1))
     poses = (from_world(_truth(scan).middle_pose) for scan in (first, second))
     return ScanPair(first, second, SE2.from_array(relative(*poses)))
+
+
+def checked_settings(settings: ScanSettings | None, changes: Mapping[str, Any]) -> ScanSettings:
+    """Change settings, and check their types.
+
+    Args:
+        settings: The settings; None is the default.
+        changes: Fields that differ.
+
+    Returns:
+        The changed settings.
+
+    Raises:
+        ValueError: A number is not whole, or too small.
+        TypeError: There is no setting of a name, or one is of another type.
+    """
+    changed = replace(settings or ScanSettings(), **changes)
+    check_whole(seed=changed.seed)
+    check_whole(scans=changed.scans, least=1)
+    check_whole(index=changed.index, least=None)
+    # Names are looked up where a scan is simulated: that loads SciPy, which kept scans do without.
+    if not isinstance(changed.sensor, str):
+        sensor_of(changed)
+    if not isinstance(changed.artefacts, Mapping | None):
+        artefacts_of(changed)
+    return changed
 
 
 def _truth(scan: PolarScan) -> ScanTruth:
@@ -124,9 +152,12 @@ def sensor_of(settings: ScanSettings) -> "Sensor":
 
     Raises:
         ValueError: There is no such radar; the message names those that there are.
+        TypeError: It is neither a radar nor a name.
     """
     from echoscape.sim.sensor.registry import sensor_from
+    from echoscape.sim.sensor.sensor import Sensor
 
+    check_kind(Sensor | str, sensor=settings.sensor)
     return sensor_from(settings.sensor) if isinstance(settings.sensor, str) else settings.sensor
 
 
@@ -141,10 +172,12 @@ def artefacts_of(settings: ScanSettings) -> "Artefacts":
 
     Raises:
         ValueError: There is no artefact of a name, or it cannot have such a strength.
+        TypeError: They are neither `Artefacts` nor strengths by name.
     """
     from echoscape.sim.settings.artefacts import Artefacts
 
     given = settings.artefacts
+    check_kind(Artefacts | Mapping | None, artefacts=given)
     if given is None or isinstance(given, Artefacts):
         return given or Artefacts()
     known = [each.name for each in fields(Artefacts)]

@@ -1,14 +1,15 @@
 """Scans of a corner reflector at a stated range and bearing, by a car at rest on a plane."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from echoscape.scenes.core.checks import check_number
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.testing.kept_scans import kept, settings_content
-from echoscape.testing.scans import artefacts_of, sensor_of
+from echoscape.testing.scans import artefacts_of, checked_settings, sensor_of
 from echoscape.testing.settings import ScanSettings
 
 if TYPE_CHECKING:
@@ -68,10 +69,11 @@ def make_target(
 
     Raises:
         ValueError: The range is outside of these limits, or another setting cannot be simulated.
-        TypeError: There is no setting of a name.
+        TypeError: There is no setting of a name, or one is of another type.
     """
-    settings = replace(settings or ScanSettings(), **changes)
+    settings = checked_settings(settings, changes)
     place = {"range_m": range_m, "bearing_rad": bearing_rad}
+    check_number(**{name: value for name, value in place.items() if value is not None})
     content = settings_content(settings, ("seed", "artefacts", "sensor")) | place
     found = kept("target", _Target, content, lambda: _simulated(settings, range_m, bearing_rad))
     return TargetScan(found.scan, found.range_m, found.bearing_rad)

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
 from echoscape.sim.datasets.polar_scan import PolarScan
-from echoscape.testing import GoldenScans, golden
+from echoscape.testing import GoldenScans, golden, golden_figure
 from echoscape.testing.golden import OTHER_VERSIONS
 from echoscape.testing.golden_file import Golden, GoldenError, read_golden, write_golden
 
@@ -95,6 +96,42 @@ def test_a_figure_of_the_difference_is_written_and_goes_when_the_scan_passes(tmp
         assert min(image.size) > 500
     GoldenScans(tmp_path).check(CODES, "first")
     assert not figure.exists()
+
+
+@pytest.mark.parametrize(
+    ("dtype", "label", "most"), [(bool, "cell is set", 1), (np.uint8, "code [half dB]", 4)]
+)
+def test_the_figure_names_what_cells_hold(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dtype: type, label: str, most: float
+) -> None:
+    figures: list[Figure] = []
+    monkeypatch.setattr(golden_figure, "png_bytes", lambda figure: figures.append(figure) or b"")
+    array = (CODES > 90).astype(dtype)
+    stored(tmp_path, array)
+    message(tmp_path, array ^ dtype(1))
+    images = [image for axes in figures[0].axes for image in axes.get_images()]
+    bars = [image.colorbar for image in images if image.colorbar is not None]
+    assert [bar.ax.get_ylabel() for bar in bars] == 3 * [label]
+    assert images[2].get_clim() == (-most, most)
+
+
+def test_scans_are_equal_where_their_digests_are() -> None:
+    def described(**changes: Any) -> Golden:
+        content = {"codes": CODES, "axes": {"bin_m": 0.1}, "versions": {}, **changes}
+        return Golden(**content)
+
+    ones = np.ones((10, 20), np.uint8)
+    made = [
+        described(),
+        described(codes=changed((9, 19, 1))),
+        described(codes=CODES.reshape(20, 10)),
+        described(axes={"bin_m": 0.2}),
+        described(codes=ones),
+        described(codes=ones, mask=True),
+    ]
+    for first in made:
+        assert [first.digest == other.digest for other in made] == [first.same(other) for other in made]
+    assert described(versions={"numpy": "1"}).digest == described().digest
 
 
 def test_only_some_cells_are_listed(tmp_path: Path) -> None:
@@ -205,11 +242,11 @@ def test_updates_write_what_differs_and_nothing_else(tmp_path: Path) -> None:
     before = path.stat().st_mtime_ns
     again = GoldenScans(tmp_path, update=True)
     again.check(CODES, "first")
-    assert again.written == []
+    assert again.written == {}
     assert path.stat().st_mtime_ns == before
     message(tmp_path, changed((1, 1, 1)))
     again.check(changed((1, 1, 1)), "first")
-    assert again.written == [path]
+    assert list(again.written) == [path]
     GoldenScans(tmp_path).check(changed((1, 1, 1)), "first")
     assert list(tmp_path.iterdir()) == [path]
 
@@ -233,6 +270,21 @@ def test_names_that_leave_the_folder_are_refused(tmp_path: Path, name: str) -> N
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", [5, None, Path("a"), b"a"])
+def test_names_that_are_no_words_are_refused_by_their_value(tmp_path: Path, name: Any) -> None:
+    with pytest.raises(TypeError, match=r"^name must be of type str, got "):
+        GoldenScans(tmp_path, update=True).check(CODES, name)
+
+
+@pytest.mark.parametrize("letter", ["a", "\N{LATIN SMALL LETTER O WITH DIAERESIS}"])
+def test_names_are_as_long_as_files_may_be_named(tmp_path: Path, letter: str) -> None:
+    most = 200 // len(letter.encode())
+    stored(tmp_path, name=most * letter)
+    assert "figure: " in message(tmp_path, changed((1, 1, 1)), most * letter)  # written beside it
+    with pytest.raises(ValueError, match=r"name must have 200 bytes of UTF-8 or fewer, got 20[12]: "):
+        stored(tmp_path, name=(most + 1) * letter)
+
+
 @pytest.mark.parametrize(
     ("limits", "text"),
     [
@@ -240,6 +292,11 @@ def test_names_that_leave_the_folder_are_refused(tmp_path: Path, name: str) -> N
         ({"max_share": 2}, "max_share must be between 0 and 1, got 2"),
         ({"max_codes": -1}, "max_codes must be between 0 and 255, got -1"),
         ({"max_codes": 256}, "max_codes must be between 0 and 255, got 256"),
+        ({"max_codes": 1.5}, "max_codes must be a whole number, got 1.5"),
+        ({"max_codes": True}, "max_codes must be a whole number, got True"),
+        ({"max_share": "1"}, "max_share must be a number, got '1'"),
+        ({"max_share": True}, "max_share must be a number, got True"),
+        ({"max_share": float("nan")}, "max_share must be between 0 and 1, got nan"),
     ],
 )
 def test_limits_out_of_range_are_refused(tmp_path: Path, limits: dict, text: str) -> None:

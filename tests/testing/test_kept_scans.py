@@ -3,17 +3,20 @@
 import json
 import subprocess
 import sys
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.sensor.registry import SENSORS
 from echoscape.sim.settings.artefacts import Artefacts
 from echoscape.testing import ScanSettings, TargetScan, kept_scans, make_drive, make_scan, scans
+from echoscape.testing.kept_scans import kept
 
 # ---------------------------------------------------------------------- read-only
 
@@ -34,6 +37,53 @@ def test_no_array_of_a_scan_or_of_its_truth_can_be_written_to(
     for array in arrays:
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
+
+
+# ---------------------------------------------------------------------- in memory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Half:
+    """Bytes, some of them in a record of their own."""
+
+    codes: NDArray[np.uint8]
+    inner: "Half | None" = None
+
+
+def _half(size: int) -> Half:
+    inner = Half(codes=np.zeros(size - size // 2, np.uint8))
+    return Half(codes=np.zeros(size // 2, np.uint8), inner=inner)
+
+
+@pytest.fixture
+def built(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the records that are built; 100 bytes fit into memory, nothing is kept on disk."""
+    monkeypatch.setattr(kept_scans, "_MEMORY", {})
+    monkeypatch.setattr(kept_scans, "MOST_BYTES", 100)
+    monkeypatch.setenv("ECHOSCAPE_CACHE", "off")
+    return []
+
+
+@given(asked=st.lists(st.tuples(st.sampled_from("abcde"), st.integers(1, 4)), max_size=30))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_memory_holds_what_was_asked_for_last_up_to_its_limit(
+    built: list[str], asked: list[tuple[str, int]]
+) -> None:
+    kept_scans._MEMORY.clear()
+    recent: list[tuple[str, int]] = []  # the last first; each is 30 bytes a unit
+    for name, units in asked:
+        built.clear()
+
+        def build(name: str = name, units: int = units) -> Half:
+            built.append(name)
+            return _half(30 * units)
+
+        kept("half", Half, {"name": name, "units": units}, build)
+        assert built == ([] if (name, units) in recent else [name])
+        recent = [(name, units), *(each for each in recent if each != (name, units))]
+        while len(recent) > 1 and sum(30 * size for _, size in recent) > 100:
+            recent.pop()
+        assert len(kept_scans._MEMORY) == len(recent)
 
 
 # ---------------------------------------------------------------------- on disk
@@ -102,6 +152,24 @@ def test_each_setting_decides_what_is_found(counted: Counted, change: dict) -> N
     make_scan()
     make_scan(**change)
     assert len(counted.settings) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "same"),
+    [
+        (
+            {"seed": np.int64(3), "index": np.int8(2), "scans": np.uint16(5)},
+            {"seed": 3, "index": 2, "scans": 5},
+        ),
+        ({"artefacts": {"ghosts": np.float32(0.5)}}, {"artefacts": {"ghosts": 0.5}}),
+        ({"artefacts": {"ghosts": np.bool_(False)}}, {"artefacts": {"ghosts": False}}),
+    ],
+    ids=["whole", "strength", "bool"],
+)
+def test_numbers_of_numpy_are_the_same_settings(counted: Counted, change: dict, same: dict) -> None:
+    make_scan(**change)
+    make_scan(**same)
+    assert len(counted.settings) == 1
 
 
 def test_a_file_of_a_sensor_counts_by_what_it_says(counted: Counted, tmp_path: Path) -> None:

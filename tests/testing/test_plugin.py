@@ -20,7 +20,7 @@ pytest_plugins = ["pytester"]
 LOADED = golden_figure, presets, registry
 """Loaded before pytester runs anything in this process: it forgets what a run loads, and NumPy loads once."""
 
-PAGE = (ROOT / "docs" / "testing.md").read_text()
+PAGE, REFERENCE = ((ROOT / "docs" / path).read_text() for path in ("testing.md", "reference/testing.md"))
 HOME = os.environ.get("HOME", "/")
 SETTINGS = "def test_settings(radar_settings): assert repr(radar_settings) == {expected!r}"
 
@@ -88,6 +88,7 @@ def test_options_that_name_nothing_are_refused_in_one_line(
     [
         (["--radar-cache", "kept"], "{folder}/kept"),
         (["--radar-cache=off"], "off"),
+        (["--radar-cache=~/kept"], f"{HOME}/kept"),
         ([], "before"),
     ],
 )
@@ -139,25 +140,54 @@ def test_options_and_fixtures_are_documented(pytester: pytest.Pytester) -> None:
     for option in ("preset", "seed", "sensor", "cache", "update-golden"):
         assert f"--radar-{option}" in helped
         assert f"--radar-{option}" in PAGE
+        assert f"--radar-{option}" in REFERENCE
     public = ("scan", "pair", "drive", "target", "clean", "full", "golden")
     for name in (*(f"radar_{each}" for each in public), "make_radar_scan", "make_radar_target"):
         assert re.search(rf"^{name}\b.*\n    \S", listed, re.MULTILINE)
-        assert f"`{name}" in PAGE
+        assert f"`{name}" in REFERENCE
 
 
 # ---------------------------------------------------------------------- fixtures, as the page shows them
 
 
 @pytest.mark.usefixtures("radar_target", "radar_pair", "radar_clean", "radar_full")  # kept on disk by these
-def test_the_example_of_the_page_passes_once_its_scan_is_stored(pytester: pytest.Pytester) -> None:
-    (block,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    assert len(block.splitlines()) < 25
-    pytester.makepyfile(test_radar=block)
+def test_the_examples_of_the_pages_pass_once_their_scan_is_stored(pytester: pytest.Pytester) -> None:
+    short, long = (re.findall(r"```python\n(.*?)```", page, re.DOTALL) for page in (PAGE, REFERENCE))
+    pytester.makepyfile(test_radar=short[0], test_more=long[0])
     first = run_apart(pytester)
-    first.assert_outcomes(passed=3, failed=1)
+    first.assert_outcomes(passed=4, failed=1)
     first.stdout.fnmatch_lines(["*there is no stored scan golden/test_radar/*.png"])
-    run_apart(pytester, "--radar-update-golden").assert_outcomes(passed=4)
-    run_apart(pytester).assert_outcomes(passed=4)
+    run_apart(pytester, "--radar-update-golden").assert_outcomes(passed=5)
+    run_apart(pytester).assert_outcomes(passed=5)
+
+
+def test_the_page_takes_a_minute_to_read() -> None:
+    prose, examples = re.sub(r"```.*?```", "", PAGE, flags=re.DOTALL), PAGE.count("```python")
+    assert len([line for line in prose.splitlines() if line]) <= 10
+    assert examples == 1
+    assert len(PAGE.splitlines()) <= 25
+
+
+@pytest.mark.usefixtures("radar_target", "radar_pair", "radar_clean", "radar_full")  # kept on disk by these
+def test_a_project_may_have_fixtures_of_its_own_under_these_names(pytester: pytest.Pytester) -> None:
+    names = ("radar_scan", "radar_target", "radar_pair", "radar_drive", "radar_clean", "radar_full")
+    names = (*names, "make_radar_scan", "make_radar_target")
+    pytester.makeconftest(
+        "import os, pytest\n"
+        "def own(): return 'own'\n"
+        f"kept = os.environ['KEPT']\nfor name in {names}:\n"
+        "    if name != kept: globals()[name] = pytest.fixture(name=name)(own)\n"
+    )
+    pytester.makepyfile(
+        """
+        import os, pytest
+        def test_kept(request): assert request.getfixturevalue(os.environ["KEPT"]) != "own"
+        """
+    )
+    for name in names:
+        with pytest.MonkeyPatch().context() as patch:
+            patch.setenv("KEPT", name)
+            run(pytester).assert_outcomes(passed=1)
 
 
 @pytest.mark.usefixtures("radar_pair")
@@ -215,6 +245,34 @@ def test_golden_scans_of_several_processes_are_all_reported(pytester: pytest.Pyt
     done.stdout.fnmatch_lines([f"written: golden/{name}/codes_{number}.png" for number in range(4)])
     again = run(pytester, "--radar-update-golden")
     again.stdout.fnmatch_lines(["all as stored; nothing written"])
+
+
+@pytest.mark.parametrize(("second", "fails"), [(1, True), (0, False)])
+def test_processes_that_store_different_scans_under_one_name_are_told(
+    pytester: pytest.Pytester, second: int, fails: bool
+) -> None:
+    pytester.makepyfile(
+        test_it=f"""
+        import time
+        from pathlib import Path
+
+        import numpy as np
+        import pytest
+
+        @pytest.mark.parametrize("value", [0, {second}], ids=["a", "b"])
+        def test_codes(radar_golden, value, request):
+            Path(request.node.name).touch()  # neither stores before the other has begun
+            while len(list(Path().glob("test_codes*"))) < 2:
+                time.sleep(0.01)
+            radar_golden.check(np.full((3, 4), value, np.uint8), "codes")
+        """
+    )
+    done = run_apart(pytester, "-n", "2", "--radar-update-golden")
+    done.assert_outcomes(passed=2)
+    assert (done.ret == pytest.ExitCode.TESTS_FAILED) == fails
+    assert ("ERROR: golden/test_it/codes.png was stored by" in done.stdout.str()) == fails
+    if fails:
+        done.stdout.fnmatch_lines(["*by test_it.py::test_codes?a? and test_it.py::test_codes?b?, with diff*"])
 
 
 def test_a_golden_scan_lies_beside_its_test_and_fails_without_a_long_traceback(

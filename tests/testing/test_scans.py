@@ -1,6 +1,7 @@
 """Scans for tests are those of the simulator, with the truth that they state; they are read-only and kept."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import echoscape
 from echoscape.sim.datasets.polar_scan import Component, PolarScan
 from echoscape.sim.sensor.registry import SENSORS
 from echoscape.sim.settings.artefacts import Artefacts
-from echoscape.testing import ScanPair, make_drive, make_pair, make_scan
+from echoscape.testing import ScanPair, make_drive, make_pair, make_scan, make_target
 
 # ---------------------------------------------------------------------- content
 
@@ -88,7 +89,10 @@ def test_a_drive_is_ten_successive_scans_that_begin_with_the_pair(
         ({"seed": -1}, "seed must be 0 or more, got -1"),
         ({"index": 10}, r"index must be from 0 to scans - 1 \(9\), got 10"),
         ({"index": -1}, "index must be from 0"),
-        ({"scans": 0}, "index must be from 0"),
+        ({"scans": 0}, "scans must be 1 or more, got 0"),
+        ({"seed": 1.5}, "seed must be a whole number, got 1.5"),
+        ({"index": "1"}, "index must be a whole number, got '1'"),
+        ({"scans": True}, "scans must be a whole number, got True"),
         ({"sensor": "moon"}, "a sensor must be one of cts350x, .* got 'moon'"),
         ({"artefacts": {"gosts": 0}}, "an artefact must be one of speckle, .* got 'gosts'"),
         ({"artefacts": {"ghosts": -1}}, "ghosts must be finite and 0 or more, got -1"),
@@ -97,6 +101,22 @@ def test_a_drive_is_ten_successive_scans_that_begin_with_the_pair(
 def test_settings_that_cannot_be_simulated_are_refused_by_name(changes: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make_scan(**changes)
+
+
+@pytest.mark.parametrize("make", [make_scan, make_pair, make_drive, make_target])
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"artefacts": 5}, "artefacts must be of type Artefacts or Mapping or None, got 5"),
+        ({"artefacts": ["ghosts"]}, "artefacts must be of type Artefacts or Mapping or None, got"),
+        ({"sensor": 5}, "sensor must be of type Sensor or str, got 5"),
+    ],
+)
+def test_settings_of_another_type_are_refused_by_name(
+    make: Callable[..., object], changes: dict, message: str
+) -> None:
+    with pytest.raises(TypeError, match=f"^{message}"):
+        make(**changes)
 
 
 def test_settings_that_do_not_exist_are_refused_by_name() -> None:

@@ -1,6 +1,7 @@
 """A corner reflector appears at the range and bearing that are stated, and the car before it is at rest."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,6 +48,19 @@ def test_the_car_is_at_rest_before_the_target(radar_target: TargetScan) -> None:
 def test_a_target_out_of_range_is_refused(range_m: float) -> None:
     with pytest.raises(ValueError, match=r"range_m must be between 5 and 88\.4736, got"):
         make_target(range_m)
+
+
+def test_numbers_of_numpy_name_the_same_target() -> None:
+    place: tuple[Any, ...] = (np.float32(10), np.int64(0))
+    found = make_target(*place, seed=np.int64(7), artefacts={"ghosts": np.float32(0.5)})
+    assert found == make_target(10, 0, seed=7, artefacts={"ghosts": 0.5})
+
+
+@pytest.mark.parametrize("value", ["20", True, [20.0], 20j])
+@pytest.mark.parametrize("name", ["range_m", "bearing_rad"])
+def test_a_place_that_is_no_number_is_refused_by_name(name: str, value: Any) -> None:
+    with pytest.raises(ValueError, match=f"^{name} must be a number, got "):
+        make_target(**{name: value})
 
 
 @pytest.mark.parametrize("bearing_rad", [math.nan, math.inf])
