@@ -84,6 +84,7 @@ def main(arguments: Sequence[str]) -> int:
         return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error))
     console = Console(width=max(Console().width, _LEAST_WIDTH))
     console.print(_table(result))
+    console.print(_intervals(result), soft_wrap=True, highlight=False)
     for path in paths:
         console.print(str(path), soft_wrap=True, highlight=False)
     return 0
@@ -140,6 +141,12 @@ def _table(result: "DetectionResult") -> Table:
     for row in table_rows(result, all_figures(result)):
         table.add_row(*row)
     return table
+
+
+def _intervals(result: "DetectionResult") -> str:
+    from echoscape.eval.detections.report import intervals_text
+
+    return intervals_text(result)
 
 
 def _refuse(message: str) -> int:

@@ -7,7 +7,8 @@ there is only noise.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,6 +171,10 @@ class Cfar:
     def name(self) -> str:
         """Name of the method in results."""
         return "oscfar" if isinstance(self.settings, OrderedCfarSettings) else "cfar"
+
+    def record(self) -> dict[str, Any]:
+        """Return the settings, for the record of a result."""
+        return asdict(self.settings)
 
     def detect(self, scan: PolarScan) -> ScoredScan:
         """Detect cells that exceed their noise.

@@ -1,5 +1,8 @@
 """Hand-made keypoints as detections, each in the cell where its extractor found it."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from echoscape.eval.detections.interface import Detections, ScoredScan, cells_of
@@ -10,13 +13,18 @@ from echoscape.sim.datasets.polar_scan import PolarScan
 class HandMadeKeypoints:
     """The keypoints of an extractor, and its score of every cell."""
 
-    def __init__(self, extractor: KeypointExtractor) -> None:
+    def __init__(self, extractor: KeypointExtractor, *, settings: Mapping[str, Any] | None = None) -> None:
         """Take an extractor.
 
         Args:
             extractor: Finds the keypoints of a scan.
+            settings: What is recorded of its settings.
         """
-        self._extractor = extractor
+        self._extractor, self._settings = extractor, dict(settings or {})
+
+    def record(self) -> dict[str, Any]:
+        """Return the settings, for the record of a result."""
+        return self._settings
 
     @property
     def name(self) -> str:

@@ -6,7 +6,7 @@ time and pose, so that neither the motion of the car during a scan nor a Doppler
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +80,19 @@ class Detector(Protocol):
 
         Returns:
             The detections, and the scores of all places.
+        """
+        ...
+
+
+@runtime_checkable
+class Recorded(Protocol):
+    """A detector with a record of what decides its detections, beside its name and the scan."""
+
+    def record(self) -> dict[str, Any]:
+        """Return its settings, as JSON takes them.
+
+        Returns:
+            Values by name, with a hash of each file that it reads.
         """
         ...
 

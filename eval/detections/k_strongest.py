@@ -5,7 +5,8 @@ cells with codes of 60 or more.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,10 @@ class KStrongest:
             settings: Number and floor.
         """
         self.settings = settings
+
+    def record(self) -> dict[str, Any]:
+        """Return the settings, for the record of a result."""
+        return asdict(self.settings)
 
     def detect(self, scan: PolarScan) -> ScoredScan:
         """Select the strongest cells.

@@ -4,6 +4,9 @@ Source: Barnes & Posner, ICRA 2020, section III. The network sees a Cartesian im
 as it was measured; a place in it goes back to the azimuth of its direction, not corrected for motion.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from echoscape.eval.detections.interface import Detections, ScoredScan, polar_detections
@@ -19,14 +22,26 @@ class LearnedKeypoints:
     score_name = "score of the network"
     score_limits = (0.0, 1.0)
 
-    def __init__(self, detector: KeypointDetector, *, least_score: float = 0.0) -> None:
+    def __init__(
+        self,
+        detector: KeypointDetector,
+        *,
+        least_score: float = 0.0,
+        weights: Mapping[str, Any] | None = None,
+    ) -> None:
         """Take a network.
 
         Args:
             detector: Computes the keypoints of a scan.
             least_score: Least score of a keypoint that is reported.
+            weights: What is recorded of its weights: file, hash and device.
         """
         self._detector, self._least_score = detector, least_score
+        self._weights = dict(weights or {})
+
+    def record(self) -> dict[str, Any]:
+        """Return the settings and the weights, for the record of a result."""
+        return {"least_score": self._least_score, **self._weights}
 
     def detect(self, scan: PolarScan) -> ScoredScan:
         """Detect keypoints.

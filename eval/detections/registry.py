@@ -1,8 +1,9 @@
 """The methods by name. A further one is a module with a `Detector` and an entry here."""
 
+import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -68,21 +69,29 @@ def _kstrongest(settings: MethodSettings, sensor: Sensor) -> Detector:
 
 
 def _cen2018(settings: MethodSettings, sensor: Sensor) -> Detector:
-    return HandMadeKeypoints(Cen2018(settings.cen2018))
+    return HandMadeKeypoints(Cen2018(settings.cen2018), settings=asdict(settings.cen2018))
 
 
 def _cen2019(settings: MethodSettings, sensor: Sensor) -> Detector:
-    return HandMadeKeypoints(Cen2019(settings.cen2019))
+    return HandMadeKeypoints(Cen2019(settings.cen2019), settings=asdict(settings.cen2019))
 
 
 def _learned(settings: MethodSettings, sensor: Sensor) -> Detector:
     # Here, so that the others work without PyTorch.
     from echoscape.eval.detections.learned import LearnedKeypoints
+    from echoscape.learn.model.weights import chosen_weights
     from echoscape.learn.odometry.keypoint_detector import KeypointDetector
 
     chosen = settings.learned
     detector = KeypointDetector(chosen.weights, resolution_m=chosen.resolution, device=chosen.device)
-    return LearnedKeypoints(detector, least_score=chosen.least_score)
+    file = chosen.weights or chosen_weights(chosen.resolution)
+    record = {
+        "weights": file.name,
+        "weights_sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
+        "pixel_m": detector.pixel_m,
+        "device": chosen.device,
+    }
+    return LearnedKeypoints(detector, least_score=chosen.least_score, weights=record)
 
 
 METHODS: Mapping[str, Callable[[MethodSettings, Sensor], Detector]] = {

@@ -1,12 +1,15 @@
 """Writes the files of judged detectors: tables (CSV, Markdown), everything as JSON, and a figure."""
 
 import json
+import platform
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from echoscape.eval.detections.blocks import BLOCK_M
+from echoscape.eval.detections.bootstrap import why_no_intervals
 from echoscape.eval.detections.figure import detections_page
 from echoscape.eval.detections.merit import (
     CAUSES,
@@ -20,11 +23,15 @@ from echoscape.eval.detections.merit import (
 )
 from echoscape.eval.detections.run import DetectionResult, JudgedMethod
 from echoscape.eval.detections.tally import BAND_M
+from echoscape.eval.statistics.intervals import CONFIDENCE
 from echoscape.sim.datasets.files.atomic_write import write_atomic
 from echoscape.sim.datasets.files.output_folder import check_output_folder
+from echoscape.sim.generation.cache import package_version
 
 Figures = dict[str, dict[str, Figure]]
 """Figures by method and name."""
+_PACKAGES = ("echoscape", "numpy", "scipy", "torch")
+"""Packages whose versions decide detections and figures."""
 TABLE_COLUMNS = {
     "method": "method",
     "detections_per_scan": "a scan",
@@ -37,6 +44,8 @@ TABLE_COLUMNS = {
     "map_base_rate": "base rate",
 }
 """Columns of the table in Markdown and on the terminal: figure and heading."""
+_AP = list(TABLE_COLUMNS)[2:].index("average_precision")
+"""Place of the figure whose interval is shown, among the shares."""
 
 
 def write_detection_report(out: Path, result: DetectionResult) -> tuple[Path, ...]:
@@ -149,17 +158,38 @@ def table_rows(result: DetectionResult, found: Figures) -> list[list[str]]:
         found: Their figures.
 
     Returns:
-        For each method a text for each of `TABLE_COLUMNS`.
+        For each method a text for each of `TABLE_COLUMNS`, that of AP with its interval where there is one.
     """
     rows = []
     for method in result.methods:
-        values = {name: figure.value for name, figure in found[method.name].items()}
-        count = values["detections_per_scan"] or 0.0
-        shares = [values[name] for name in list(TABLE_COLUMNS)[2:]]
-        rows.append(
-            [method.name, f"{count:.0f}", *("" if share is None else f"{share:.3f}" for share in shares)]
-        )
+        of_method = found[method.name]
+        count = of_method["detections_per_scan"].value or 0.0
+        shares = [_share(of_method[name].value) for name in list(TABLE_COLUMNS)[2:]]
+        interval = of_method["average_precision"].interval
+        if interval is not None:
+            shares[_AP] += f" ({interval[0]:.3f} to {interval[1]:.3f})"
+        rows.append([method.name, f"{count:.0f}", *shares])
     return rows
+
+
+def _share(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}"
+
+
+def intervals_text(result: DetectionResult) -> str:
+    """Write what the intervals are, or why there are none.
+
+    Args:
+        result: Judged methods.
+
+    Returns:
+        A sentence.
+    """
+    text = why_no_intervals(result.blocks, result.travelled_m) or (
+        f"in brackets the interval at {100 * CONFIDENCE:g} %, from {result.blocks} blocks of {BLOCK_M:g} m "
+        f"or more, on the way of {result.travelled_m:.0f} m; those of all figures are in detections.csv"
+    )
+    return f"{text[0].upper()}{text[1:]}."
 
 
 def markdown(result: DetectionResult, found: Figures) -> str:
@@ -176,6 +206,7 @@ def markdown(result: DetectionResult, found: Figures) -> str:
     totals = [method.blocks.total for method in result.methods]
     lines = [f"# Detections in {result.folder}", "", conditions(result), ""]
     lines += _table(list(TABLE_COLUMNS.values()), table_rows(result, found))
+    lines += ["", intervals_text(result)]
     lines += ["", "False alarms a scan, by what they fell on:", ""]
     alarms = [false_alarms(total) for total in totals]
     rows = [[cause, *(f"{each[cause]:.1f}" for each in alarms)] for cause in CAUSES]
@@ -243,6 +274,18 @@ def json_text(result: DetectionResult, found: Figures) -> str:
         "near_m": result.near_m,
         "far_m": result.far_m,
         "settings": asdict(result.settings),
+        "intervals": {
+            "confidence": CONFIDENCE,
+            "travelled_m": result.travelled_m,
+            "block_m": BLOCK_M,
+            "blocks": result.blocks,
+            "none_because": why_no_intervals(result.blocks, result.travelled_m),
+        },
+        "data": {key: result.manifest[key] for key in ("config", "versions")},
+        "versions": {
+            "python": platform.python_version(),
+            **{package: package_version(package) for package in _PACKAGES},
+        },
         "methods": {method.name: _content(method, found[method.name]) for method in result.methods},
     }
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
@@ -253,6 +296,7 @@ def _content(method: JudgedMethod, found: dict[str, Figure]) -> dict[str, Any]:
     low, high = method.score_limits
     curve, levels = total.curve, total.labels.shape[-1]
     return {
+        "settings": method.record,
         "figures": {name: asdict(figure) for name, figure in found.items()},
         "best_threshold": best_threshold(method),
         "false_alarms_per_scan": false_alarms(total),

@@ -1,23 +1,22 @@
 """Judges detectors over a folder of simulated scans: a scan is read once, and every method works on it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.eval.detections.interface import Detections, Detector
+from echoscape.eval.detections.blocks import block_numbers
+from echoscape.eval.detections.interface import Detections, Detector, Recorded
 from echoscape.eval.detections.tally import BAND_M, Tally, tally_scan
 from echoscape.eval.detections.targets import JudgeSettings, ScanTargets, judged_bins
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.metadata import read_manifest
+from echoscape.sim.datasets.files.truth_npz import read_arrays
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import ScanFolder
-
-Progress = Callable[[str, int, int], None]
-"""Called with a stage (scans), how much of it is done, and how much there is to do."""
-MOST_BLOCKS = 64
-"""Blocks of scans whose counts are kept apart, for the bootstrap."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +27,7 @@ class JudgedMethod:
         name: Its name.
         score_name: What its score is, with its unit.
         score_limits: Its lowest and highest score.
+        record: Its settings, and the hashes of files that it read; empty of a detector that records nothing.
         blocks: Counts of blocks of successive scans; the first axis is that of the blocks.
         shown: Its detections in the scan that is drawn.
         shown_labels: What these fell on.
@@ -36,6 +36,7 @@ class JudgedMethod:
     name: str
     score_name: str
     score_limits: tuple[float, float]
+    record: dict[str, Any]
     blocks: Tally
     shown: Detections
     shown_labels: NDArray[np.uint8]
@@ -47,22 +48,28 @@ class DetectionResult:
 
     Attributes:
         folder: Name of the folder.
+        manifest: Its record, the content of its echoscape.json.
         settings: How detections are judged.
         classes: Names of the object classes by number.
         near_m: Where the judged ranges begin [m].
         far_m: Where they end [m].
         scans: Number of scans.
+        travelled_m: Way from the first scan to the last one [m].
+        blocks: Number of blocks of these scans (`eval.detections.blocks`).
         shown_number: Number of the scan that is drawn, in the folder.
         shown_scan: That scan.
         methods: The methods.
     """
 
     folder: str
+    manifest: dict[str, Any]
     settings: JudgeSettings
     classes: tuple[str, ...]
     near_m: float
     far_m: float
     scans: int
+    travelled_m: float
+    blocks: int
     shown_number: int
     shown_scan: PolarScan
     methods: tuple[JudgedMethod, ...]
@@ -83,7 +90,7 @@ def judge_detectors(
         detectors: The methods.
         settings: How detections are judged; None for the default.
         every: Judge one scan of so many.
-        progress: Called with stage, done and total.
+        progress: Called as the work proceeds; its stage: scans.
 
     Returns:
         What each method detected.
@@ -93,14 +100,17 @@ def judge_detectors(
         ValueError: `every` is below 1, or no bin is judged.
     """
     settings = settings or JudgeSettings()
-    classes = _classes(folder)
+    manifest = _manifest(folder)
+    classes = tuple(manifest["classes"])
     if every < 1:
         raise ValueError(f"every must be 1 or more, got {every}")
     bin_m = folder.sensor.bin_m
     judged = judged_bins(folder.sensor.bins, bin_m, settings)
     size = {"bands": int((judged.stop - 0.5) * bin_m // BAND_M) + 1, "classes": len(classes)}
     numbers = range(0, len(folder), every)
-    blocks, shown = min(len(numbers), MOST_BLOCKS), numbers[len(numbers) // 2]
+    travelled_m, shown = _travelled_m(folder)[::every], numbers[len(numbers) // 2]
+    block = block_numbers(travelled_m)
+    blocks = int(block[-1]) + 1
     running = [_Running(detector, Tally.empty(blocks, **size)) for detector in detectors]
     report = progress or (lambda stage, done, total: None)
     report("scans", 0, len(numbers))
@@ -109,15 +119,18 @@ def judge_detectors(
         assert truth is not None
         targets = ScanTargets(scan, truth.cells, folder.sensor, settings)
         for each in running:
-            each.judge(scan, targets, place * blocks // len(numbers), shown=number == shown)
+            each.judge(scan, targets, int(block[place]), shown=number == shown)
         report("scans", place + 1, len(numbers))
     return DetectionResult(
         folder=folder.folder.resolve().name,
+        manifest=manifest,
         settings=settings,
         classes=classes,
         near_m=judged.start * bin_m,
         far_m=judged.stop * bin_m,
         scans=len(numbers),
+        travelled_m=float(travelled_m[-1]),
+        blocks=blocks,
         shown_number=shown,
         shown_scan=folder.read(shown),
         methods=tuple(each.result() for each in running),
@@ -147,16 +160,25 @@ class _Running:
             name=self._detector.name,
             score_name=self._detector.score_name,
             score_limits=self._detector.score_limits,
+            record=self._detector.record() if isinstance(self._detector, Recorded) else {},
             blocks=self._blocks,
             shown=self._shown[0],
             shown_labels=self._shown[1],
         )
 
 
-def _classes(folder: ScanFolder) -> tuple[str, ...]:
-    """Return the names of the classes by number; refuse a folder without truth."""
+def _travelled_m(folder: ScanFolder) -> NDArray[np.float64]:
+    """Return the true way from the first scan to each scan (N,) [m]."""
+    truths = [folder.folder / "truth" / f"{path.stem}.npz" for path in folder.paths]
+    places_m = np.array([read_arrays(truth, ("middle_pose",))["middle_pose"][:2] for truth in truths])
+    steps_m = np.hypot(*np.diff(places_m, axis=0).T)
+    return np.concatenate([[0.0], np.cumsum(steps_m)])
+
+
+def _manifest(folder: ScanFolder) -> dict[str, Any]:
+    """Return the record of a data set; refuse a folder without truth."""
     if not folder.simulated:
         raise DatasetError(
             f"{folder.folder}: has no truth; detections are judged by the truth of simulated scans only"
         )
-    return tuple(read_manifest(folder.folder)["classes"])
+    return read_manifest(folder.folder)

@@ -39,6 +39,8 @@ def test_a_run_writes_its_files_and_prints_its_table(
     assert main(["detections", *words]) == 0
     printed = capsys.readouterr().out
     assert [line.split()[0] for line in printed.splitlines()[:3]] == ["method", "kstrongest", "cfar"]
+    assert "No intervals: the way of " in printed
+    assert "1 block gives no interval" in printed
     assert str(out / "detections.json") in printed
     found = json.loads((out / "detections.json").read_text())
     assert list(found["methods"]) == ["kstrongest", "cfar"]

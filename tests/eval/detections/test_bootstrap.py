@@ -3,10 +3,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
-from echoscape.eval.detections.bootstrap import confidence_intervals
+from echoscape.eval.detections.blocks import BLOCK_M
+from echoscape.eval.detections.bootstrap import confidence_intervals, why_no_intervals
 from echoscape.eval.detections.tally import Tally
 from echoscape.eval.detections.targets import TARGET
+from echoscape.eval.statistics.intervals import FEWEST
 
 
 def blocks_of(true: np.ndarray, false: np.ndarray) -> Tally:
@@ -21,13 +24,14 @@ def precision(sums: Tally) -> np.ndarray:
     return np.stack([sums.curve.precision[..., 0]])
 
 
-def test_interval_of_a_share_is_that_of_the_normal_law() -> None:
-    true = np.random.default_rng(1).binomial(100, 0.3, 64)
-    (interval,) = confidence_intervals(blocks_of(true, 100 - true), precision)
+@pytest.mark.parametrize("blocks", [8, 16, 64])
+def test_interval_of_a_share_is_that_of_students_law(blocks: int) -> None:
+    true = np.round(1000 + 200 * np.linspace(-1, 1, blocks)).astype(int)
+    (interval,) = confidence_intervals(blocks_of(true, 4000 - true), precision)
     assert interval is not None
-    half = 1.96 * true.std() / 100 / math.sqrt(64)  # of 64 blocks, with the spread that they have
-    assert interval[0] == pytest.approx(true.mean() / 100 - half, abs=0.15 * half)
-    assert interval[1] == pytest.approx(true.mean() / 100 + half, abs=0.15 * half)
+    half = t.ppf(0.975, blocks - 1) * true.std(ddof=1) / 4000 / math.sqrt(blocks)
+    assert interval[0] == pytest.approx(0.25 - half, abs=0.15 * half)
+    assert interval[1] == pytest.approx(0.25 + half, abs=0.15 * half)
 
 
 def test_blocks_that_are_alike_leave_no_doubt() -> None:
@@ -35,9 +39,21 @@ def test_blocks_that_are_alike_leave_no_doubt() -> None:
     assert interval == (0.75, 0.75)
 
 
-def test_one_block_or_nothing_detected_has_no_interval() -> None:
-    assert confidence_intervals(blocks_of(np.array([3]), np.array([1])), precision) == [None]
-    assert confidence_intervals(blocks_of(np.zeros(5), np.zeros(5)), precision) == [None]
+def test_few_blocks_have_no_interval_and_the_reason_is_said() -> None:
+    for count in range(1, FEWEST):
+        true = np.arange(1, count + 1)
+        assert confidence_intervals(blocks_of(true, np.full(count, 4)), precision) == [None]
+        reason = why_no_intervals(count, 123.4)
+        assert reason is not None
+        assert reason.startswith("no intervals: the way of 123 m makes blocks of 80 m or more, and ")
+        assert f"{count} block" in reason
+    assert BLOCK_M == 80
+    assert confidence_intervals(blocks_of(np.arange(1, 7), np.full(6, 4)), precision) != [None]
+    assert why_no_intervals(FEWEST, 500.0) is None
+
+
+def test_nothing_detected_has_no_interval() -> None:
+    assert confidence_intervals(blocks_of(np.zeros(9), np.zeros(9)), precision) == [None]
 
 
 def test_the_same_counts_have_the_same_interval() -> None:

@@ -1,17 +1,30 @@
+import hashlib
 import json
 import shutil
+from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from echoscape.eval.detections.blocks import BLOCK_M
+from echoscape.eval.detections.cfar import CfarSettings
 from echoscape.eval.detections.interface import ScoredScan, cells_of
 from echoscape.eval.detections.merit import FIGURE_NAMES, figures
-from echoscape.eval.detections.registry import METHODS, MethodSettings, build_detectors, check_methods
+from echoscape.eval.detections.registry import (
+    METHODS,
+    KeypointSettings,
+    MethodSettings,
+    build_detectors,
+    check_methods,
+)
 from echoscape.eval.detections.report import write_detection_report
 from echoscape.eval.detections.run import DetectionResult, judge_detectors
 from echoscape.eval.detections.targets import LABELS, OUTSIDE, TARGET, JudgeSettings
+from echoscape.eval.methods.cen2018 import Cen2018Settings
+from echoscape.learn.model.weights import chosen_weights
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.polar_scan import Component, PolarScan
 from echoscape.sim.datasets.scan_folder import ScanFolder, open_folder
@@ -24,10 +37,23 @@ BY_HAND = ("cfar", "oscfar", "kstrongest")
 
 
 @pytest.fixture(scope="module")
-def yard(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("detections") / "yard"
-    config = SimulationConfig(preset="yard", seed=3, scans=5, sensor=CTS_SMALL, trace=TraceSettings(rays=64))
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Scans a few metres apart."""
+    out = tmp_path_factory.mktemp("short") / "yard"
+    config = SimulationConfig(preset="yard", seed=3, scans=7, sensor=CTS_SMALL, trace=TraceSettings(rays=64))
     write_dataset(out, config)
+    return out
+
+
+@pytest.fixture(scope="module")
+def yard(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same scans as if the car had driven 100 m from each to the next."""
+    out = Path(shutil.copytree(short, tmp_path_factory.mktemp("long") / "yard"))
+    for number, path in enumerate(sorted((out / "truth").glob("*.npz"))):
+        with np.load(path) as archive:
+            arrays = dict(archive)
+        arrays["middle_pose"] = np.array([60.0 * number, 80.0 * number, 0.0, 0.0])
+        np.savez(path, **arrays)
     return out
 
 
@@ -92,8 +118,9 @@ def test_counts_of_a_folder_are_those_of_its_scans(yard: Path, judged: Detection
     for detector, method in zip(detectors, judged.methods, strict=True):
         number = sum(len(detector.detect(data.read(index)).detections) for index in range(len(data)))
         assert 0.9 * number < method.blocks.total.labels.sum() <= number  # those nearer than 3 m do not count
-    assert judged.scans == judged.methods[0].blocks.total.scans == 5
-    assert judged.methods[0].blocks.scans.tolist() == [1] * 5
+    assert judged.scans == judged.methods[0].blocks.total.scans == 7
+    assert judged.travelled_m == pytest.approx(600)
+    assert judged.methods[0].blocks.scans.tolist() == [1, 1, 1, 1, 1, 2]  # the last scan ends the last 100 m
 
 
 def test_the_scan_that_is_drawn_has_the_labels_that_were_counted(judged: DetectionResult) -> None:
@@ -107,8 +134,75 @@ def test_the_scan_that_is_drawn_has_the_labels_that_were_counted(judged: Detecti
 def test_one_scan_of_two_is_judged(yard: Path) -> None:
     steps: list[tuple[str, int, int]] = []
     result = by_hand(yard, every=2, progress=lambda *each: steps.append(each))
-    assert result.scans == 3
-    assert steps == [("scans", done, 3) for done in range(4)]
+    assert result.scans == 4
+    assert result.travelled_m == pytest.approx(600)
+    assert steps == [("scans", done, 4) for done in range(5)]
+
+
+def test_scans_of_nearly_one_place_have_no_intervals_and_the_report_says_why(
+    short: Path, tmp_path: Path
+) -> None:
+    result = by_hand(short)
+    assert result.methods[0].blocks.scans.tolist() == [7]
+    assert 0 < result.travelled_m < BLOCK_M
+    assert all(each.interval is None for method in result.methods for each in figures(method).values())
+    write_detection_report(tmp_path, result)
+    way = f"{result.travelled_m:.0f} m"
+    why = f"o intervals: the way of {way} makes blocks of 80 m or more, and 1 block gives no interval"
+    assert f"N{why}" in (tmp_path / "detections.md").read_text()
+    found = json.loads((tmp_path / "detections.json").read_text())
+    assert found["intervals"]["none_because"].startswith(f"n{why}")
+    assert found["intervals"]["blocks"] == 1
+    assert not [name for name in _csv(tmp_path)[0] if name.endswith("_low") and _csv(tmp_path)[0][name]]
+
+
+def test_a_long_drive_has_intervals_in_all_files(judged: DetectionResult, tmp_path: Path) -> None:
+    write_detection_report(tmp_path, judged)
+    found = json.loads((tmp_path / "detections.json").read_text())
+    assert found["intervals"] == {
+        "confidence": 0.95,
+        "travelled_m": pytest.approx(600),
+        "block_m": 80.0,
+        "blocks": 6,
+        "none_because": None,
+    }
+    text = (tmp_path / "detections.md").read_text()
+    assert "at 95 %, from 6 blocks of 80 m or more, on the way of 600 m" in text
+    for row in _csv(tmp_path):
+        low, high = found["methods"][row["method"]]["figures"]["average_precision"]["interval"]
+        assert float(row["average_precision_low"]) == pytest.approx(low, rel=1e-4)
+        assert f" ({low:.3f} to {high:.3f}) |" in text
+
+
+def _csv(folder: Path) -> list[dict[str, str]]:
+    head, *lines = (folder / "detections.csv").read_text().splitlines()
+    return [dict(zip(head.split(","), line.split(","), strict=True)) for line in lines]
+
+
+def test_json_records_all_that_decides_the_figures(yard: Path, tmp_path: Path) -> None:
+    data = open_folder(yard)
+    settings = MethodSettings(
+        cfar=CfarSettings(training_m=9.0),
+        cen2018=Cen2018Settings(near_m=4.0),
+        learned=KeypointSettings(least_score=0.25, device="cpu"),
+    )
+    names = ["cfar", "kstrongest", "cen2018", "learned"]
+    result = judge_detectors(data, [*build_detectors(names, settings, data.sensor), Knowing(data)], every=7)
+    write_detection_report(tmp_path, result)
+    found = json.loads((tmp_path / "detections.json").read_text())
+    manifest = json.loads((yard / "echoscape.json").read_text())
+    assert found["data"] == {"config": manifest["config"], "versions": manifest["versions"]}
+    assert found["data"]["config"]["sensor"]["name"] == "cts_small"
+    for package in ("echoscape", "numpy", "scipy", "torch"):
+        assert found["versions"][package] == version(package)
+    record = {name: content["settings"] for name, content in found["methods"].items()}
+    assert record["cfar"] == asdict(settings.cfar)
+    assert record["kstrongest"] == {"k": 40, "floor_db": 30.0, "near_m": 3.0}
+    assert record["cen2018"] == asdict(settings.cen2018)
+    assert record["knowing"] == {}
+    assert record["learned"]["least_score"] == 0.25
+    digest = hashlib.sha256(chosen_weights().read_bytes()).hexdigest()
+    assert record["learned"]["weights_sha256"] == digest
 
 
 def test_ranges_and_targets_are_those_asked_for(yard: Path) -> None:
@@ -146,6 +240,9 @@ def test_tables_and_json_agree_with_the_counts(judged: DetectionResult, tmp_path
         assert best["f1"] >= 2 / (1 / best["precision"] + 1 / best["recall"]) - 1e-9
     lines = (tmp_path / "recall.csv").read_text().splitlines()[1:]
     rows = [line.split(",") for line in lines if line.startswith("kstrongest,")]
+    for _, _, _, _, echoes, found, recall, objects, seen, object_recall in rows:
+        assert float(recall) == pytest.approx(int(found) / int(echoes), rel=1e-5)
+        assert not objects or float(object_recall) == pytest.approx(int(seen) / int(objects), rel=1e-5)
     by_class = [row for row in rows if row[2] == "all"]
     by_band = [row for row in rows if row[2] != "all"]
     echoes = int(judged.methods[2].blocks.total.echoes)

@@ -175,6 +175,15 @@ def test_an_echo_is_a_run_of_one_object_and_counts_from_a_level_on() -> None:
         assert (echoes.last - echoes.first + 1).tolist() == [4, 6, 1][: len(kept)]
 
 
+def test_the_level_of_an_echo_is_that_above_the_noise_at_its_range() -> None:
+    # Noise of the CTS350-X: 1.57, and at 3.05 m the receiver's gain is 3.38 dB less than 1 (from -3 dB at
+    # 0 m to -3.5 dB at 4 m). A code of 40 is 20 dB.
+    level_db = 20 - (10 * np.log10(1.57) - 3.38)
+    for least_db, kept in ((level_db - 0.1, 1), (level_db + 0.1, 0)):
+        judge = JudgeSettings(near_m=0.0, min_snr_db=least_db)
+        assert len(targets_of(one_target(), judge=judge).echoes) == kept
+
+
 def test_a_run_ends_at_the_end_of_its_azimuth() -> None:
     component = np.zeros((AZIMUTHS, BINS), int)
     component[3, BINS - 2 :], component[4, :2] = Component.DIRECT, Component.DIRECT
