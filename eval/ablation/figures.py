@@ -21,7 +21,6 @@ from echoscape.eval.ablation.crop import Part, above_part, most_changed, polar_p
 from echoscape.eval.ablation.run import (
     ArtefactChange,
     CaseScans,
-    Progress,
     changes,
     markdown_table,
     simulate_cases,
@@ -41,6 +40,7 @@ from echoscape.eval.figures.style import (
     new_page,
     rgb_pixels,
 )
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.files.atomic_write import write_atomic
 from echoscape.sim.datasets.files.output_folder import check_output_folder
 from echoscape.sim.generation.config import SimulationConfig
@@ -69,7 +69,7 @@ def write_artefacts(
         config: The data set that the scan is from.
         index: Number of the scan, from 0.
         names: Names of the artefacts, none for all.
-        progress: Called with stage, done and total.
+        progress: Called as the work proceeds; stages: town, scans, figures.
 
     Returns:
         The changes, and the paths of the files.

@@ -4,20 +4,18 @@ The scan is traced once for all settings but those that change where rays go
 (`sim.simulator.Simulator.scans`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.eval.ablation.cases import NOMINAL, ArtefactCase, chosen_cases
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.single_scan import build_simulator
 from echoscape.sim.settings.artefacts import Artefacts
-
-Progress = Callable[[str, int, int], None]
-"""Called with a stage (town, scans, figures), how much of it is done, and how much there is to do."""
 
 CHANGED_DB = 3.0
 """Difference of level from which a cell counts as changed [dB]: twice the power."""
@@ -82,7 +80,7 @@ def simulate_cases(
         config: The data set that the scan is from.
         index: Number of the scan, from 0.
         names: Names of the artefacts, none for all.
-        progress: Called with stage, done and total.
+        progress: Called as the work proceeds; stages: town, scans, figures.
 
     Returns:
         The scans of each artefact.

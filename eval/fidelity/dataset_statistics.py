@@ -5,7 +5,7 @@ eval/fidelity/scan_statistics.py and eval/fidelity/point_spread.py.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 
 from echoscape.eval.fidelity import point_spread as spread
 from echoscape.eval.fidelity import scan_statistics as stats
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.scan_folder import ScanFolder
-
-Progress = Callable[[str, int, int], None]
-"""Called with a stage (scans), how much of it is done, and how much there is to do."""
 
 RANKS = np.array([1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 100, 150, 200, 300, 400])
 """Ranks k of the k-th strongest range bin of an azimuth."""
@@ -127,7 +125,7 @@ def measure(folder: ScanFolder, *, progress: Progress | None = None) -> DatasetS
 
     Args:
         folder: The folder.
-        progress: Called with stage, done and total.
+        progress: Called as the work proceeds; its stage: scans.
 
     Returns:
         The pooled statistics.

@@ -5,15 +5,12 @@ which tests the score before it is applied to simulated scans.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from echoscape.eval.fidelity.dataset_statistics import DatasetStatistics, measure
 from echoscape.eval.fidelity.reference_values import TARGETS, Target, tolerance_of, widened
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.scan_folder import ScanFolder
-
-Progress = Callable[[str, int, int], None]
-"""Called with a stage (scans, reference), how much of it is done, and how much there is to do."""
 
 PASS, LOW, HIGH, UNKNOWN = "pass", "low", "high", "unknown"
 """Verdicts: within tolerance, below it, above it, and not determined by the folder."""
@@ -73,7 +70,7 @@ def fidelity_report(
     Args:
         data: The folder.
         reference: Another folder to compare with, None for none.
-        progress: Called with stage, done and total.
+        progress: Called as the work proceeds; stages: scans, reference.
 
     Returns:
         Statistics and scores.

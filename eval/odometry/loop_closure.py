@@ -6,7 +6,7 @@ up to 5 m apart, and the source is rotated to a random heading by whole azimuths
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from scipy.spatial import KDTree
 from echoscape.learn.data.augmentation import PairAugmentation, augmented_motion
 from echoscape.learn.odometry.pair_estimate import PairEstimate
 from echoscape.learn.odometry.scan_matcher import ScanFeatures, ScanMatcher
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.scan_folder import ScanFolder
 from echoscape.sim.datasets.se2 import SE2, from_world, relative
@@ -29,9 +30,6 @@ WITHIN_M, WITHIN_DEG = 0.5, 1.0
 """Errors up to which a motion counts as found [m], [deg]."""
 _STAGE = 410
 _BANDS = 5
-
-Progress = Callable[[str, int, int], None]
-"""Called with the name of a stage, how much of it is done, and how much there is."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,6 @@ import logging
 import math
 import statistics
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Generic
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from echoscape.eval.odometry.interface import OdometryMethod, PairFailed, PairMotion, State
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import ScanFolder
@@ -24,9 +24,6 @@ from echoscape.sim.datasets.se2 import chain, from_world, relative
 
 _LOG = logging.getLogger(__name__)
 _MIN_SECONDS = 1e-9
-
-Progress = Callable[[str, int, int], None]
-"""Called with a stage (pairs), how much of it is done, and how much there is to do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +134,7 @@ def run_odometry(
     Args:
         folder: The folder, with truth or without.
         method: The odometry.
-        progress: Called with stage, done and total.
+        progress: Called as the work proceeds; its stage: pairs.
 
     Returns:
         The result of every pair.

@@ -5,7 +5,7 @@ The files appear whole or not at all: they are made beside the folder and moved 
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 
 from echoscape.eval.scene_report.figure import ScenePlan, scene_page
 from echoscape.eval.scene_report.statistics import Inventory, inventory
+from echoscape.scenes.core.progress import Progress
 from echoscape.scenes.io.gltf_export import scene_to_glb
 from echoscape.scenes.io.user_scene import UserScene
 from echoscape.sim.datasets.files.atomic_write import temporary_beside
@@ -24,9 +25,6 @@ from echoscape.sim.datasets.files.output_folder import (
 )
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.setup import SceneSetup, build_scene
-
-Progress = Callable[[str, int, int], None]
-"""Called with a stage (world, glb, plan), how much of it is done, and how much there is to do."""
 
 _PATH_STEP_S = 0.1
 
@@ -39,7 +37,7 @@ def write_scene(out: Path, config: SimulationConfig, *, progress: Progress | Non
     Args:
         out: Folder to write to, new or empty.
         config: What `echoscape simulate` would make.
-        progress: Called with stage, done and total.
+        progress: Called as the work proceeds; stages: world, glb, plan.
 
     Returns:
         The counts of the scene.

@@ -5,7 +5,6 @@ Range bins of an azimuth are pooled; each group is shown as its strongest bin, b
 
 import io
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,11 +24,9 @@ from echoscape.eval.figures.style import (
 )
 from echoscape.eval.figures.town_plan import Window, drive_window, plan_image
 from echoscape.eval.viewer.source import Motion, Pose, Source, open_source
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.polar_scan import CellTruth, PolarScan, ScanTruth
 from echoscape.sim.datasets.se2 import relative_from_world
-
-Progress = Callable[[str, int, int], None]
-"""Called with a stage (scans, plan), how much of it is done, and how much there is to do."""
 
 Legend = list[tuple[str, str]]
 """Names with their colours."""
@@ -133,7 +130,7 @@ def view_of(
         scans: Maximum number of scans, None for all.
         every: Step from one scan to the next.
         columns: Maximum number of pooled range bins of an azimuth.
-        progress: Called with stage, done and total.
+        progress: Called as the work proceeds; stages: scans, plan.
 
     Returns:
         The content of the page.

@@ -6,7 +6,6 @@ hash of the settings and of the scans' files, so that a cache of other data is n
 
 import hashlib
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +14,12 @@ from numpy.typing import NDArray
 
 from echoscape.learn.data.image import range_cells
 from echoscape.learn.data.image_settings import ImageSettings
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.files.atomic_write import DatasetError, temporary_beside
 from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.datasets.scan_folder import ScanFolder
 
 _FORMAT = 1
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is prepared, how many scans are done, and how many there are."""
 
 
 def range_cells_of(scan: PolarScan, folder: ScanFolder, image: ImageSettings) -> NDArray[np.uint8]:

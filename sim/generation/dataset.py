@@ -4,12 +4,12 @@ Its files are listed in docs/conventions.md. Its bytes depend on the configurati
 on workers, threads, or how often the run was stopped and resumed.
 """
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
+from echoscape.scenes.core.progress import Progress
 from echoscape.scenes.io.gltf_export import is_complete_glb, scene_to_glb
 from echoscape.sim.datasets.files.atomic_write import DatasetError, remove_temporaries, write_atomic
 from echoscape.sim.datasets.files.metadata import FILE_NAME, manifest_text, read_manifest
@@ -25,9 +25,6 @@ from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.manifest import difference, manifest
 from echoscape.sim.generation.setup import SceneSetup, add_traffic, build_scene
 from echoscape.sim.generation.workers import complete_scans, scan_folders, simulate_scans
-
-Progress = Callable[[str, int, int], None]
-"""Called with a stage (town, traffic, scene, scans), how much of it is done, and how much there is to do."""
 
 TABLES = ("movers.csv", "tracks.csv")
 """Tables of the moving objects and of their poses."""
@@ -50,7 +47,7 @@ def write_dataset(
         workers: Processes that simulate scans side by side.
         threads: Threads of each process; None shares out the processors.
         resume: Continue a run that was stopped: only missing scans are simulated.
-        progress: Called as the work proceeds.
+        progress: Called as the work proceeds; stages: town, traffic, scene, scans.
 
     Raises:
         ValueError: `workers` or `threads` is below 1.

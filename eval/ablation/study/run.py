@@ -8,7 +8,7 @@ import json
 import os
 import pickle
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from itertools import chain, islice
 from pathlib import Path
@@ -20,6 +20,7 @@ from echoscape.eval.ablation.study.scans import DriveFolders, DriveWriter
 from echoscape.eval.ablation.study.settings import CODE, AblationDrive, AblationStudy, study_content
 from echoscape.eval.ablation.study.workers import Task, carried_out, run_method, worker_pool, write_scan
 from echoscape.eval.odometry.methods import MethodChoice
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.files.atomic_write import (
     DatasetError,
     remove_temporaries,
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
 
 FILE_NAME = "ablation.json"
 """File with the settings of the ablation in a folder."""
-Progress = Callable[[str, int, int], None]
-"""Called with a stage (worlds, scans, odometry), how much of it is done, and how much there is to do."""
 
 
 def run_ablation(
@@ -54,7 +53,7 @@ def run_ablation(
         study: The ablation.
         workers: Processes side by side; no result depends on it.
         device: Where learned methods compute.
-        progress: Called as the work proceeds.
+        progress: Called as the work proceeds; stages: worlds, scans, odometry.
 
     Raises:
         ValueError: `workers` is below 1, or the device is absent.

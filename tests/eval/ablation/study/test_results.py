@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 from numpy.typing import ArrayLike, NDArray
 
 from echoscape.eval.ablation.study.results import METRICS, has_result, read_result, result_text
@@ -49,25 +48,25 @@ def test_every_metric_is_its_own_statistic(tmp_path: Path) -> None:
     """Errors 0.1, 0.2, 0.3, 0.4 m and a failed pair, which has all of its 1 m; 1, 2, 3, 10 deg and 0."""
     path = straight(tmp_path / "a.json", [1.1, 0.8, 1.3, 0.6, 5.0], [1.0, -2.0, 3.0, -10.0, 90.0], failed=4)
     found = values(path)
-    assert_allclose(found["translation_error_mean"], (0.1 + 0.2 + 0.3 + 0.4 + 1.0) / 5)
-    assert_allclose(found["translation_error_median"], 0.3)
-    assert_allclose(found["rotation_error_mean"], (1 + 2 + 3 + 10 + 0) / 5)
-    assert_allclose(found["rotation_error_median"], 2.0)
-    assert_allclose(found["failed_pairs"], 20.0)
+    assert found["translation_error_mean"] == pytest.approx((0.1 + 0.2 + 0.3 + 0.4 + 1.0) / 5)
+    assert found["translation_error_median"] == pytest.approx(0.3)
+    assert found["rotation_error_mean"] == pytest.approx((1 + 2 + 3 + 10 + 0) / 5)
+    assert found["rotation_error_median"] == pytest.approx(2.0)
+    assert found["failed_pairs"] == pytest.approx(20.0)
     assert found["translation_drift"] is found["rotation_drift"] is None  # 5 m hold no segment of 100 m
 
 
 def test_drift_of_position_is_that_of_a_wrong_scale(tmp_path: Path) -> None:
     found = values(straight(tmp_path / "a.json", np.full(150, 1.02), 0.0))
-    assert_allclose(found["translation_drift"], 2.0, rtol=0.02)  # a segment may be a metre longer than 100 m
-    assert_allclose(found["rotation_drift"], 0.0, atol=1e-9)
+    assert found["translation_drift"] == pytest.approx(2.0, rel=0.02)  # a segment may be 101 m
+    assert found["rotation_drift"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_drift_of_heading_is_that_of_a_steady_turn(tmp_path: Path) -> None:
     found = values(straight(tmp_path / "a.json", np.ones(150), 0.03))
-    assert_allclose(found["rotation_drift"], 0.03, rtol=0.02)
+    assert found["rotation_drift"] == pytest.approx(0.03, rel=0.02)
     # Far ends of a segment of 100 m lie off by half its turn.
-    assert_allclose(found["translation_drift"], 100 * math.radians(3.0) / 2, rtol=0.03)
+    assert found["translation_drift"] == pytest.approx(100 * math.radians(3.0) / 2, rel=0.03)
 
 
 @pytest.mark.parametrize(
