@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
+from matplotlib.ticker import MaxNLocator
 
 from echoscape.eval.figures.style import (
     ACCENT,
@@ -89,6 +90,6 @@ def _style(axes: Axes, title: str, image: AxesImage, label: str) -> None:
     axes.set_ylabel("azimuth", color=FAINT)
     axes.tick_params(colors=FAINT)
     axes.spines[:].set_color(FRAME)
-    bar = axes.figure.colorbar(image, ax=axes, pad=0.01, aspect=12)
+    bar = axes.figure.colorbar(image, ax=axes, pad=0.01, aspect=12, ticks=MaxNLocator(6, integer=True))
     bar.set_label(label, color=FAINT)
     bar.ax.tick_params(colors=FAINT)

@@ -113,6 +113,8 @@ def test_the_figure_names_what_cells_hold(
     bars = [image.colorbar for image in images if image.colorbar is not None]
     assert [bar.ax.get_ylabel() for bar in bars] == 3 * [label]
     assert images[2].get_clim() == (-most, most)
+    ticks = bars[2].get_ticks()
+    np.testing.assert_array_equal(ticks, np.round(ticks))
 
 
 def test_scans_are_equal_where_their_digests_are() -> None:
