@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from echoscape.learn.data.cell_cache import Progress, cached_range_cells, range_cells_of
+from echoscape.learn.data.cell_cache import cached_range_cells, range_cells_of
 from echoscape.learn.data.ground_truth import EgoMotion, ego_motion
 from echoscape.learn.data.image import Projector
 from echoscape.learn.data.image_settings import ImageSettings
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets import scan_folder
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.polar_scan import PolarScan
@@ -84,13 +85,10 @@ class ScanFolder(Dataset[Item]):
                 and it has no truth; the message names it.
             ValueError: A setting of the images is out of range.
         """
-        is_open = isinstance(folder, scan_folder.ScanFolder)
-        self.scans = folder if is_open else scan_folder.open_folder(folder)
+        self.scans = _opened(folder)
         self.settings = ImageSettings(pixel_m=pixel_m, size=size, near_m=near_m)
         self.has_codes = codes
-        self.has_labels = has_truth(self.scans) if labels is None else labels
-        if self.has_labels and not has_truth(self.scans):
-            raise DatasetError(f"{self.scans.folder}: has no truth, which labels are from")
+        self.has_labels = _has_labels(self.scans, labels)
         self.poses = self.scans.poses()
         self.motion: EgoMotion | None = None if self.poses is None else ego_motion(self.scans, self.poses)
         self._times_us = self.scans.timestamps_us
@@ -213,6 +211,17 @@ def whole_index(index: SupportsIndex, count: int) -> int:
     if isinstance(index, slice):
         raise TypeError(f"index must be an integer, got {index}; torch.utils.data.Subset takes several")
     return scan_folder.number_of(index, count)
+
+
+def _opened(folder: Path | str | scan_folder.ScanFolder) -> scan_folder.ScanFolder:
+    return folder if isinstance(folder, scan_folder.ScanFolder) else scan_folder.open_folder(folder)
+
+
+def _has_labels(scans: scan_folder.ScanFolder, labels: bool | None) -> bool:
+    """Return whether items have labels, by default where the folder has truth, or raise DatasetError."""
+    if labels and not has_truth(scans):
+        raise DatasetError(f"{scans.folder}: has no truth, which labels are from")
+    return has_truth(scans) if labels is None else labels
 
 
 def _cache_folder(scans: scan_folder.ScanFolder, cache: Path | str | bool) -> Path | str:

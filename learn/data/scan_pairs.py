@@ -5,6 +5,7 @@ and both orders. A draw depends on the given generator alone, so that a run can 
 """
 
 from collections.abc import Collection, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import SupportsIndex
 
@@ -17,12 +18,13 @@ from echoscape.learn.data.augmentation import (
     augmented_motion,
     draw_augmentation,
 )
-from echoscape.learn.data.cell_cache import Progress
 from echoscape.learn.data.ground_truth import EgoMotion, GroundTruth, scan_distortions
 from echoscape.learn.data.image_settings import ImageSettings
 from echoscape.learn.data.pair_batch import Batch, Pair
 from echoscape.learn.data.scan_folder import Item, ScanFolder, has_truth, whole_index
 from echoscape.learn.geometry.se2 import to_motion
+from echoscape.scenes.core.checks import check_whole
+from echoscape.scenes.core.progress import Progress
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.scan_folder import open_folder
 from echoscape.sim.datasets.se2 import SE2, relative_from_world
@@ -80,34 +82,21 @@ class ScanPairs(Dataset[Item]):
             DatasetError: A folder has no scans, no poses, no two scans with poses so far apart, or no truth
                 although labels are asked for; or codes or labels are asked for and the radars of the folders
                 differ. The message names the folder.
-            ValueError: The stride is below 1, or a setting of the images is out of range.
+            ValueError: The stride is below 1 or not whole, or a setting of the images is out of range.
         """
         paths = [folders] if isinstance(folders, Path | str) else list(folders)
         if not paths:
             raise DatasetError("data must name one folder or more")
         strides = _strides(stride)
         opened = [open_folder(path) for path in paths]
-        self.drives = [
-            ScanFolder(
-                scans,
-                pixel_m=pixel_m,
-                size=size,
-                near_m=near_m,
-                codes=codes,
-                labels=all(map(has_truth, opened)) if labels is None else labels,
-                cache=cache,
-                progress=progress,
-            )
-            for scans in opened
-        ]
+        labels = all(map(has_truth, opened)) if labels is None else labels
+        settings = ImageSettings(pixel_m=pixel_m, size=size, near_m=near_m)
+        kept = {"codes": codes, "labels": labels, "cache": cache, "progress": progress}
+        self.drives = [ScanFolder(scans, **asdict(settings), **kept) for scans in opened]
         _check_alike(self.drives)
         self.names = [drive.scans.folder.resolve().name for drive in self.drives]
         self.candidates = [_candidates(drive, strides) for drive in self.drives]
-        self.pairs = [
-            Pair(drive=drive, source=later, destination=earlier)
-            for drive, candidates in enumerate(self.candidates)
-            for earlier, later in candidates
-        ]
+        self.pairs = _pairs_of(self.candidates)
 
     @property
     def settings(self) -> ImageSettings:
@@ -234,10 +223,12 @@ class ScanPairs(Dataset[Item]):
 
 def _strides(stride: int | Collection[int]) -> list[int]:
     """Return the strides in ascending order."""
-    strides = sorted({stride} if isinstance(stride, int) else set(stride))
-    if not strides or strides[0] < 1:
+    strides = list(stride) if isinstance(stride, Collection) and not isinstance(stride, str) else [stride]
+    if not strides:
         raise ValueError(f"stride must be 1 or more, got {stride}")
-    return strides
+    for each in strides:
+        check_whole(stride=each, least=1)
+    return sorted({int(each) for each in strides})
 
 
 def _candidates(drive: ScanFolder, strides: Sequence[int]) -> list[tuple[int, int]]:
@@ -255,6 +246,15 @@ def _candidates(drive: ScanFolder, strides: Sequence[int]) -> list[tuple[int, in
         apart = strides[0] if len(strides) == 1 else f"{strides[0]} to {strides[-1]}"
         raise DatasetError(f"{folder}: no two of its scans ({count}) have poses and are {apart} apart")
     return found
+
+
+def _pairs_of(candidates: Sequence[Sequence[tuple[int, int]]]) -> list[Pair]:
+    """Return the candidates of all drives as pairs, the later scan as the source."""
+    return [
+        Pair(drive=drive, source=later, destination=earlier)
+        for drive, found in enumerate(candidates)
+        for earlier, later in found
+    ]
 
 
 def _check_alike(drives: Sequence[ScanFolder]) -> None:

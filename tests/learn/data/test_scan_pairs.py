@@ -332,5 +332,9 @@ def test_folders_without_pairs_are_refused_by_name(folder: Path, tmp_path: Path)
     for stride in (0, [], [1, -1]):
         with pytest.raises(ValueError, match="stride must be 1 or more"):
             ScanPairs(folder, stride=stride)
+    bad: tuple[Any, ...] = (1.5, True, "3", None, [1, 2.5])
+    for stride in bad:
+        with pytest.raises(ValueError, match="stride must be a whole number, got"):
+            ScanPairs(folder, stride=stride)
     with pytest.raises(DatasetError, match="nowhere: no such folder"):
         ScanPairs(tmp_path / "nowhere")
