@@ -66,7 +66,7 @@ def scan(
         sensor=sensor,
         artefacts=artefacts or Artefacts(),
     )
-    return _simulator(config).scan(int(index))
+    return _simulator(config).scan(index)
 
 
 def build_simulator(config: SimulationConfig) -> Simulator:

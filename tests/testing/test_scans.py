@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -109,7 +110,9 @@ def test_settings_that_cannot_be_simulated_are_refused_by_name(changes: dict, me
     [
         ({"artefacts": 5}, "artefacts must be of type Artefacts or Mapping or None, got 5"),
         ({"artefacts": ["ghosts"]}, "artefacts must be of type Artefacts or Mapping or None, got"),
+        ({"artefacts": {"ghosts"}}, "artefacts must be of type Artefacts or Mapping or None, got"),
         ({"sensor": 5}, "sensor must be of type Sensor or str, got 5"),
+        ({"sensor": Path("mine.toml")}, "sensor must be of type Sensor or str, got .*Path"),
     ],
 )
 def test_settings_of_another_type_are_refused_by_name(

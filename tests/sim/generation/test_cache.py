@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -104,15 +103,6 @@ def test_numbers_of_numpy_are_kept_as_the_same_settings() -> None:
     assert builder.built == 1
     with pytest.raises(TypeError, match=r"a setting must be made of numbers, words and lists, got \{1\}"):
         builder.cached(a={1})
-
-
-def test_a_configuration_with_numbers_of_numpy_is_kept_whole(folder: Path) -> None:
-    numbers: dict[str, Any] = {"seed": np.int64(3), "scans": np.int16(4)}
-    build_scene(replace(CONFIG, **numbers))
-    names = sorted(path.name for path in folder.iterdir())
-    assert [name.partition("-")[0] for name in names] == ["drive", "town"]
-    build_scene(CONFIG)
-    assert sorted(path.name for path in folder.iterdir()) == names
 
 
 def test_a_second_run_builds_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from echoscape.scenes.core.targets import Target
@@ -28,10 +29,12 @@ from tests.sim.custom_scene import user_scene_file
 
 POINT = Target(kind="point", position_m=(25.0, 4.0, 1.0), rcs_m2=3.0)
 PLATE = Target(kind="plate", position_m=(30, 1, 2), heading_rad=3.1, size_m=(0.5, 0.25), material="brick")
+NUMPYS: dict[str, Any] = {"seed": np.int64(3), "scans": np.int16(7)}
 CONFIGS = {
     "defaults": SimulationConfig(),
     **{name: SimulationConfig(preset=name, seed=3, scans=7) for name in PRESETS},
     **{name: SimulationConfig(sensor=sensor) for name, sensor in SENSORS.items()},
+    "numbers of NumPy": SimulationConfig(**NUMPYS),
     "layout": SimulationConfig(sensor=SENSORS["cir204"], layout="boreas", keep_beat=True),
     "artefacts": SimulationConfig(artefacts=Artefacts(rain=5.0, ghosts=0, doppler=0.01, quantisation=None)),
     "targets": SimulationConfig(targets=(POINT, FromStart(target=PLATE))),
