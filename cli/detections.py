@@ -50,7 +50,7 @@ class Options:
     """Names separated by commas: cfar (cell averaging), oscfar (order statistics), kstrongest,
     cen2018 and cen2019 (hand-made keypoints), learned (keypoints; needs PyTorch)."""
     every: int = 1
-    """Judge one scan of so many."""
+    """Judge every Nth scan, from the first."""
     judge: JudgeSettings = field(default_factory=JudgeSettings)
     cfar: CfarSettings = field(default_factory=CfarSettings)
     oscfar: OrderedCfarSettings = field(default_factory=OrderedCfarSettings)

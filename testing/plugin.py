@@ -51,7 +51,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_configure(config: pytest.Config) -> None:
-    """Select the folder of the cache, for worker processes as well; refuse a seed that is none."""
+    """Select the folder of the cache, for worker processes as well; refuse options that name nothing."""
     config.stash[_WRITERS] = {}
     config.stash[_CACHE_BEFORE] = os.environ.get(_CACHE_VARIABLE)
     for name in ("cache", "sensor"):
@@ -62,9 +62,34 @@ def pytest_configure(config: pytest.Config) -> None:
         place = os.path.expanduser(given or written)  # a shell leaves the "~" after "=" alone
         os.environ[_CACHE_VARIABLE] = place if place.lower() in ("0", "off") else str(base / place)
         config.option.radar_cache = os.environ[_CACHE_VARIABLE]
-    seed = _option(config, "seed")
+    _check_seed(_option(config, "seed"))
+    _check_preset(_option(config, "preset"))
+    _check_sensor(_option(config, "sensor"))
+
+
+def _check_seed(seed: str | None) -> None:
     if seed is not None and not seed.isdecimal():
         raise pytest.UsageError(f"--radar-seed must be a whole number of 0 or more, got {seed!r}")
+
+
+def _check_preset(preset: str | None) -> None:
+    if preset is None:
+        return
+    from echoscape.scenes.town.presets import PRESETS
+
+    if preset not in PRESETS:
+        raise pytest.UsageError(f"--radar-preset must be one of {', '.join(PRESETS)}, got {preset!r}")
+
+
+def _check_sensor(sensor: str | None) -> None:
+    if sensor is None:
+        return
+    from echoscape.sim.sensor.registry import sensor_from
+
+    try:
+        sensor_from(sensor)
+    except ValueError as error:
+        raise pytest.UsageError(f"--radar-sensor: {error}") from error
 
 
 def _check_path(config: pytest.Config, option: str) -> None:
@@ -103,25 +128,7 @@ def radar_settings(pytestconfig: pytest.Config) -> ScanSettings:
         value = _option(pytestconfig, name)
         if value is not None:
             changes[name] = int(value) if name == "seed" else value
-    settings = ScanSettings(**changes)
-    if changes:
-        _check(settings)
-    return settings
-
-
-def _check(settings: ScanSettings) -> None:
-    """Fail in one line where an option names no preset or sensor."""
-    from echoscape.scenes.town.presets import PRESETS
-    from echoscape.sim.sensor.registry import sensor_from
-
-    if settings.preset not in PRESETS:
-        pytest.fail(
-            f"--radar-preset must be one of {', '.join(PRESETS)}, got {settings.preset!r}", pytrace=False
-        )
-    try:
-        sensor_from(str(settings.sensor))
-    except ValueError as error:
-        pytest.fail(f"--radar-sensor: {error}", pytrace=False)
+    return ScanSettings(**changes)
 
 
 # ---------------------------------------------------------------------- fixtures

@@ -174,14 +174,6 @@ def artefacts_of(settings: ScanSettings) -> "Artefacts":
         ValueError: There is no artefact of a name, or it cannot have such a strength.
         TypeError: They are neither `Artefacts` nor strengths by name.
     """
-    from echoscape.sim.settings.artefacts import Artefacts
+    from echoscape.sim.settings.artefacts import artefacts_from
 
-    given = settings.artefacts
-    check_kind(Artefacts | Mapping | None, artefacts=given)
-    if given is None or isinstance(given, Artefacts):
-        return given or Artefacts()
-    known = [each.name for each in fields(Artefacts)]
-    for name in given:
-        if name not in known:
-            raise ValueError(f"an artefact must be one of {', '.join(known)}, got {name!r}")
-    return Artefacts(**given)
+    return artefacts_from(settings.artefacts)

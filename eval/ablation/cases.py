@@ -126,7 +126,7 @@ CASES = (
         name="leakage",
         view="polar",
         span_m=8.0,
-        text="transmitter-to-receiver coupling and the radome, the same at every azimuth",
+        text="transmitter-to-receiver coupling and the radome, the same at every azimuth before compression",
     ),
     ArtefactCase(
         name="quantisation",

@@ -89,7 +89,7 @@ def judge_detectors(
         folder: A simulated folder.
         detectors: The methods.
         settings: How detections are judged; None for the default.
-        every: Judge one scan of so many.
+        every: Judge every Nth scan, from the first.
         progress: Called as the work proceeds; its stage: scans.
 
     Returns:

@@ -99,7 +99,7 @@ def _failures(axes: Axes, report: FidelityReport) -> None:
     axes.set(xticks=[], yticks=[], xlim=(0, 1), ylim=(_LISTED, 0))
     axes.grid(visible=False)
     if not failed:
-        axes.text(0.03, 1, "none", color=INK, size=12)
+        axes.text(0.03, 1, "none" if report.judged else "nothing to compare", color=INK, size=12)
     for place, score in enumerate(failed[:_LISTED]):
         y = place + 0.65
         axes.text(0.03, y, score.name.replace("_", " "), color=INK, size=10.5)

@@ -38,7 +38,7 @@ def write_keypoints_figure(folder: Path, to: Path, *, scan: int = 0) -> None:
 
     Raises:
         DatasetError: The folder lacks a file or one is damaged; the message names it.
-        ValueError: There is no such scan.
+        IndexError: There is no such scan.
     """
     shown = open_folder(folder).read(scan)
     write_atomic(to, keypoints_page(shown, [build() for build in EXTRACTORS.values()]))

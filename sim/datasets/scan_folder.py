@@ -85,59 +85,65 @@ class ScanFolder:
         """
         if isinstance(index, slice):
             return [self.read(number) for number in range(*index.indices(len(self)))]
-        return self.read(number_of(index, len(self)))
+        return self.read(index)
 
-    def read(self, index: int) -> PolarScan:
+    def read(self, index: SupportsIndex) -> PolarScan:
         """Read a scan, without its truth.
 
         Args:
-            index: Number of the scan in order of time.
+            index: Number of the scan in order of time, negative ones from the end.
 
         Returns:
             The scan.
 
         Raises:
-            ValueError: There is no such scan.
+            IndexError: There is no such scan.
+            TypeError: The index is no integer.
             DatasetError: Its file is cut short or has another width; the message names it.
         """
         return self.layout.read_scan(self._path(index), self.sensor)
 
-    def truth(self, index: int) -> ScanTruth | None:
+    def truth(self, index: SupportsIndex) -> ScanTruth | None:
         """Read the ground truth of a scan.
 
         Args:
-            index: Number of the scan in order of time.
+            index: Number of the scan in order of time, negative ones from the end.
 
         Returns:
             The truth, None in a folder that was not simulated.
 
         Raises:
-            ValueError: There is no such scan.
-            DatasetError: Its truth file is absent or damaged; the message names it.
+            IndexError: There is no such scan.
+            TypeError: The index is no integer.
+            DatasetError: The folder was simulated and its truth is gone, or a file of it is damaged; the
+                message names it.
         """
         path = self._path(index)
-        return read_truth(self.folder / "truth" / f"{path.stem}.npz") if self.simulated else None
+        if not self.simulated:
+            return None
+        if not (self.folder / "truth").is_dir():
+            raise DatasetError(f"{self.folder}: the folder holds no truth: it has no folder truth/")
+        return read_truth(self.folder / "truth" / f"{path.stem}.npz")
 
-    def beat(self, index: int) -> BeatSignal | None:
+    def beat(self, index: SupportsIndex) -> BeatSignal | None:
         """Read the beat signal of a scan.
 
         Args:
-            index: Number of the scan in order of time.
+            index: Number of the scan in order of time, negative ones from the end.
 
         Returns:
             The beat signal, None where none was kept.
 
         Raises:
-            ValueError: There is no such scan.
+            IndexError: There is no such scan.
+            TypeError: The index is no integer.
             DatasetError: Its beat file is absent or damaged; the message names it.
         """
         path = self.folder / "beat" / f"{self._path(index).stem}.npz"
         return read_beat(path, sensor=self.sensor) if path.parent.is_dir() else None
 
-    def _path(self, index: int) -> Path:
-        if not 0 <= index < len(self):
-            raise ValueError(f"index must be between 0 and {len(self) - 1}, got {index}")
-        return self.paths[index]
+    def _path(self, index: SupportsIndex) -> Path:
+        return self.paths[number_of(index, len(self))]
 
     @cached_property
     def stems(self) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ A scan has the bytes that the same scan of a data set has, so that a test can st
 later read the folder that `echoscape simulate` writes.
 """
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 from echoscape.scenes.core.checks import check_kind, check_whole
@@ -12,8 +13,9 @@ from echoscape.sim.datasets.polar_scan import PolarScan
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.setup import SceneSetup, add_traffic, build_scene
 from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.registry import sensor_from
 from echoscape.sim.sensor.sensor import Sensor
-from echoscape.sim.settings.artefacts import Artefacts
+from echoscape.sim.settings.artefacts import Artefacts, artefacts_from
 from echoscape.sim.simulator import Simulator
 
 DEFAULT_SCANS = SimulationConfig(preset="empty").scans
@@ -26,8 +28,8 @@ def scan(
     seed: int = 0,
     index: int = 0,
     scans: int = DEFAULT_SCANS,
-    sensor: Sensor = CTS350X,
-    artefacts: Artefacts | None = None,
+    sensor: Sensor | str = CTS350X,
+    artefacts: Artefacts | Mapping[str, float | bool | None] | None = None,
 ) -> PolarScan:
     """Simulate one scan of a drive through a procedural world, with its truth.
 
@@ -41,19 +43,21 @@ def scan(
         seed: Seed of the world, the drive, the traffic, rays, speckle and noise.
         index: Number of the scan, from 0.
         scans: Scans of the whole drive, as in `echoscape simulate --scans`.
-        sensor: The radar.
-        artefacts: Strengths of the artefacts; None is the sensor as it is, in dry weather.
+        sensor: The radar, its name ("cts_small"), or the path of a TOML file.
+        artefacts: Strengths of the artefacts, all or by name (`{"rain": 10}`); None is the sensor as it is,
+            in dry weather.
 
     Returns:
         Scan `index` of the data set that `echoscape simulate` writes with these settings.
 
     Raises:
-        ValueError: `index` is not below `scans`, or another argument cannot be simulated.
-        TypeError: `sensor` is no `Sensor`, or `artefacts` are no `Artefacts`.
+        ValueError: `index` is not below `scans`, there is no radar or artefact of a name, or another argument
+            cannot be simulated.
+        TypeError: `sensor` is neither a `Sensor` nor a name, or `artefacts` are neither `Artefacts` nor
+            strengths by name.
         SceneError: The scene's file has changed or is broken, or its drive too short or obstructed.
     """
-    check_kind(Sensor, sensor=sensor)
-    check_kind(Artefacts | None, artefacts=artefacts)
+    check_kind(Sensor | str, sensor=sensor)
     check_whole(scans=scans, least=1)
     check_whole(index=index, least=None)
     if not 0 <= index < scans:
@@ -63,8 +67,8 @@ def scan(
         scene=scene,
         seed=seed,
         scans=scans,
-        sensor=sensor,
-        artefacts=artefacts or Artefacts(),
+        sensor=sensor_from(sensor) if isinstance(sensor, str) else sensor,
+        artefacts=artefacts_from(artefacts),
     )
     return _simulator(config).scan(index)
 

@@ -4,11 +4,13 @@ Switching one off changes only its own effect: the town, the echoes and the rand
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
+from echoscape.scenes.core.checks import check_kind
 from echoscape.sim.sensor.sensor import Sensor
 
 MOST_MM_H = 150.0
@@ -153,3 +155,26 @@ class Strengths:
     def linear(self) -> bool:
         """Whether the receiver is linear and no other radar transmits, so that no cell is part of a spoke."""
         return not (self.saturation or self.phase_noise or self.quantisation or self.interference)
+
+
+def artefacts_from(given: Artefacts | Mapping[str, float | bool | None] | None) -> Artefacts:
+    """Convert artefacts that are given in one of several forms.
+
+    Args:
+        given: The artefacts, strengths by name (the others are the defaults), or None for the defaults.
+
+    Returns:
+        The artefacts.
+
+    Raises:
+        ValueError: There is no artefact of a name, or it cannot have such a strength.
+        TypeError: They are neither `Artefacts` nor strengths by name.
+    """
+    check_kind(Artefacts | Mapping | None, artefacts=given)
+    if given is None or isinstance(given, Artefacts):
+        return given or Artefacts()
+    known = [each.name for each in fields(Artefacts)]
+    for name in given:
+        if name not in known:
+            raise ValueError(f"an artefact must be one of {', '.join(known)}, got {name!r}")
+    return Artefacts(**given)

@@ -72,15 +72,21 @@ def test_options_of_the_ini_file_hold_unless_the_command_line_has_them(pytester:
         (["--radar-seed=-3"], "--radar-seed must be a whole number of 0 or more, got '-3'"),
     ],
 )
-def test_options_that_name_nothing_are_refused_in_one_line(
+def test_options_that_name_nothing_stop_the_run_with_one_line(
     pytester: pytest.Pytester, words: list[str], message: str
 ) -> None:
     pytester.makepyfile("def test_scan(radar_scan): pass")
     done = run(pytester, *words)
-    assert done.ret != 0
-    said = done.stdout.str() + done.stderr.str()
-    assert re.search(message, said)
-    assert "Traceback" not in said
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    assert done.stdout.str().strip() == ""
+    (line,) = done.stderr.str().strip().splitlines()
+    assert re.fullmatch(f"ERROR: {message}", line)
+
+
+def test_names_in_the_ini_file_are_checked_at_the_start_too(pytester: pytest.Pytester) -> None:
+    pytester.makeini("[pytest]\nradar_preset = moon\n")
+    assert run(pytester).ret == pytest.ExitCode.USAGE_ERROR
+    expect_settings(pytester, "--radar-preset", "empty", preset="empty")
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from echoscape.cli.__main__ import main
+from echoscape.eval.fidelity import figure
 from echoscape.eval.fidelity.dataset_statistics import DatasetStatistics, measure
 from echoscape.eval.fidelity.reference_values import TARGETS, Target, tolerance_of, widened
 from echoscape.eval.fidelity.report import json_text, markdown
@@ -182,6 +184,24 @@ def test_sensor_without_targets_is_measured_without_verdicts(found: DatasetStati
     assert (result.passed, result.judged) == (0, 0)
     assert "statistics pass" not in markdown(result)
     assert json.loads(json_text(result))["scores"][0]["verdict"] is None
+
+
+def test_page_of_a_sensor_without_targets_says_that_nothing_was_compared(
+    found: DatasetStatistics, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words: list[str] = []
+
+    def texts_of(page: Figure) -> bytes:
+        words.extend(text.get_text() for axes in page.axes for text in axes.texts)
+        return b""
+
+    monkeypatch.setattr(figure, "png_bytes", texts_of)
+    data = replace(found, sensor="another")
+    figure.fidelity_page(FidelityReport(data=data, reference=None, scores=scores_of(data, None)))
+    assert "nothing to compare" in words
+    assert "none" not in words
+    figure.fidelity_page(FidelityReport(data=found, reference=None, scores=scores_of(found, None)))
+    assert words.count("nothing to compare") == 1
 
 
 def test_numbers_are_short() -> None:

@@ -184,8 +184,6 @@ def test_image_of_another_width_than_the_first_is_refused_by_name(tmp_path: Path
         DatasetError, match=rf"{paths[1].name}: a scan of cts350x has 400 rows and 3779 columns"
     ):
         open_folder(tmp_path).read(1)
-    with pytest.raises(ValueError, match="index must be between 0 and 1, got 2"):
-        open_folder(tmp_path).read(2)
 
 
 def test_what_is_no_folder_of_scans_is_refused_by_name(tmp_path: Path) -> None:
@@ -207,15 +205,29 @@ def test_scans_are_read_by_index_and_slice_like_a_list(tmp_path: Path) -> None:
     folder = open_folder(tmp_path)
     scans = list(folder)
     assert [folder[number] for number in range(-4, 4)] == scans + scans
-    assert folder[np.int64(1)] == scans[1]
+    assert folder[np.int64(1)] == folder.read(np.int64(1)) == scans[1]
+    assert folder.read(-1) == scans[3]
     assert [int(scan.timestamp_us[0]) for scan in scans] == [START_US + 250_000 * n for n in range(4)]
     for slices in (slice(1, 3), slice(None, None, -2), slice(-9, 99), slice(3, 1)):
         assert folder[slices] == scans[slices]
     for index in (4, -5):
         with pytest.raises(IndexError, match=f"index must be between -4 and 3, got {index}"):
             folder[index]
+        for read in (folder.read, folder.truth, folder.beat):
+            with pytest.raises(IndexError, match=f"index must be between -4 and 3, got {index}"):
+                read(index)
     with pytest.raises(TypeError):
         folder[1.0]  # pyright: ignore
+
+
+def test_simulated_folder_whose_truth_is_gone_says_so(tmp_path: Path) -> None:
+    put(tmp_path, "oxford", CTS350X, START_US)
+    folder = replace(open_folder(tmp_path), simulated=True)
+    with pytest.raises(DatasetError, match=f"^{tmp_path}: the folder holds no truth"):
+        folder.truth(0)
+    (tmp_path / "truth").mkdir()
+    with pytest.raises(DatasetError, match=rf"{START_US}\.npz: no such truth file"):
+        folder.truth(0)
 
 
 def test_layouts_are_found_by_name_and_every_sensor_has_a_home() -> None:

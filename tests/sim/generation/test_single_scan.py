@@ -12,6 +12,7 @@ from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
 from echoscape.sim.generation.single_scan import DEFAULT_SCANS, scan
 from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.cts_small import CTS_SMALL
 from echoscape.sim.settings.artefacts import Artefacts
 
 FEW = replace(CTS350X, azimuths=40, encoder_per_turn=5600)
@@ -42,15 +43,34 @@ def test_unknown_preset_is_refused() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"sensor": 5}, "sensor must be of type Sensor, got 5"),
-        ({"sensor": "cts350x"}, "sensor must be of type Sensor, got 'cts350x'"),
-        ({"artefacts": 5}, "artefacts must be of type Artefacts or None, got 5"),
-        ({"artefacts": {"ghosts": 0}}, "artefacts must be of type Artefacts or None, got "),
+        ({"sensor": 5}, "sensor must be of type Sensor or str, got 5"),
+        ({"artefacts": 5}, "artefacts must be of type Artefacts or Mapping or None, got 5"),
+        ({"artefacts": "ghosts"}, "artefacts must be of type Artefacts or Mapping or None, got 'ghosts'"),
     ],
 )
 def test_arguments_of_another_type_are_refused_by_name(changes: dict, message: str) -> None:
     with pytest.raises(TypeError, match=f"^{message}"):
         scan("empty", seed=1, **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sensor": "moon"}, "a sensor must be one of cts350x, .* got 'moon'"),
+        ({"artefacts": {"moon": 1.0}}, "an artefact must be one of speckle, ghosts, .* got 'moon'"),
+        ({"artefacts": {"ghosts": -1.0}}, "ghosts must be .* got -1"),
+    ],
+)
+def test_names_and_strengths_that_there_are_not_are_refused(changes: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        scan("empty", seed=1, **changes)
+
+
+def test_names_of_radars_and_artefacts_are_the_same_arguments() -> None:
+    named = scan("empty", seed=3, scans=2, sensor="cts_small", artefacts={"rain": 5.0, "ghosts": False})
+    given = Artefacts(rain=5.0, ghosts=0.0)
+    assert named == scan("empty", seed=3, scans=2, sensor=CTS_SMALL, artefacts=given)
+    assert named != scan("empty", seed=3, scans=2, sensor=CTS_SMALL)
 
 
 def test_numbers_of_numpy_are_the_same_arguments() -> None:
