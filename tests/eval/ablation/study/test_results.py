@@ -76,7 +76,7 @@ def test_drift_of_heading_is_that_of_a_steady_turn(tmp_path: Path) -> None:
         lambda data: b"",
         lambda data: b"[]",
         lambda data: data.replace(b'"pairs": 3', b'"pairs": 0', 1),
-        lambda data: data.replace(b'"translation_error_m_mean": 0', b'"translation_error_m_mean": "?"', 1),
+        lambda data: data.replace(b'"translation_error_m_mean": 0.0', b'"translation_error_m_mean": "?"', 1),
         lambda data: b"\xff" + data,
     ],
     ids=["cut", "empty", "list", "no_pairs", "no_number", "no_text"],
