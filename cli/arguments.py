@@ -24,6 +24,10 @@ _HELP = {"-h", "--help"}
 _WIDE = {"COLUMNS": "4000"}
 _FRAME = re.compile(r"^[│╭╰─╮╯ ]+|[│╭╰─╮╯ ]+$")
 _RULE = re.compile(r"[│╭╰─╮╯ -]*")
+_MISSING = re.compile(r"^[│ ] {5}(\S+)", re.MULTILINE)
+"""Names in tyro's box of missing arguments, the help of each indented further."""
+_LEAST_SIMILARITY = 0.7
+"""Similarity from which an option is suggested in place of an unknown one, by difflib's measure."""
 _REFUSED_SETTING = re.compile(r"^([\w.-]+)(?= must )")
 _REPHRASED: Mapping[str, str] = {
     r"(--\S+): invalid literal for int\(\) with base 10: (.*)": r"\1 must be a whole number, got \2",
@@ -98,7 +102,7 @@ def parse(kind: type[Options], *, prog: str, words: Sequence[str], default: Opti
     except SystemExit as leaving:
         if not leaving.code:
             raise
-        raise ArgumentsError(_refusal(kind, _first_sentence(messages.getvalue()))) from leaving
+        raise ArgumentsError(_refusal(kind, messages.getvalue())) from leaving
 
 
 def in_option_names(kind: type[Any], message: str) -> str:
@@ -154,8 +158,12 @@ def _options(kind: type[Any]) -> list[str]:
     return [*flat(option_types(kind), "--"), *(["--config"] if has_config else [])]
 
 
-def _refusal(kind: type[Any], sentence: str) -> str:
-    """Return what tyro refused in the words of the other messages."""
+def _refusal(kind: type[Any], box: str) -> str:
+    """Return what tyro refused, and why, in the words of the other messages."""
+    sentence = _first_sentence(box)
+    if sentence.startswith("Missing from "):
+        *others, last = re.findall(_MISSING, box.partition("For full helptext")[0])
+        return f"{', '.join(others)} and {last} are required" if others else f"{last} is required"
     if sentence.startswith("Unrecognized options: "):
         return _unknown(kind, sentence.removeprefix("Unrecognized options: ").split(", "))
     for pattern, phrase in _REPHRASED.items():
@@ -174,7 +182,9 @@ def _unknown(kind: type[Any], words: Sequence[str]) -> str:
     options = [word.partition("=")[0] for word in words if word.startswith("-")]
     if not options:
         return f"unknown argument {words[0]!r}"
-    similar = difflib.get_close_matches(options[0].replace("_", "-"), _options(kind), n=1)
+    name, known = options[0].replace("_", "-"), _options(kind)
+    in_groups = [option for option in known if option.rpartition(".")[2] == name.lstrip("-")]
+    similar = in_groups or difflib.get_close_matches(name, known, n=1, cutoff=_LEAST_SIMILARITY)
     return f"unknown option {options[0]}" + (f"; did you mean {similar[0]}?" if similar else "")
 
 

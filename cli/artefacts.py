@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,13 +10,15 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import in_option_names, parse
+from echoscape.cli.arguments import ArgumentsError, in_option_names, option_value, parse
 from echoscape.cli.options.backend_option import load_ray_tracer
 from echoscape.cli.options.scene_options import ScanOptions, simulation_config
 from echoscape.cli.progress import ProgressBars
 from echoscape.scenes.io.strict_toml import SceneError
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.raytracing.backend import Backend, selected_backend
+from echoscape.sim.sensor.cts350x import CTS350X
+from echoscape.sim.sensor.registry import sensor_from
 
 if TYPE_CHECKING:
     from echoscape.eval.ablation.run import ArtefactChange
@@ -30,6 +32,9 @@ class Options:
     """Folder to write: a figure per artefact, and artefacts.md. Files of these names are replaced."""
     simulation: Annotated[ScanOptions, tyro.conf.arg(name="")] = field(default_factory=ScanOptions)
     """The data set that the scan is from: what `echoscape simulate` makes with the same options."""
+    radar: str = CTS350X.name
+    """The radar: cts350x (Oxford), cir204 (MulRan), cir304 (Boreas), cir304_rt (Boreas-RT), cts_small
+    (for tests), or a TOML file with the keys of docs/sensors.md. --sensor.* change single numbers of it."""
     scan: int | None = None
     """Number of the scan, from 0; by default the middle one."""
     only: tuple[str, ...] = ()
@@ -54,7 +59,8 @@ def main(arguments: Sequence[str]) -> int:
         The exit code: 0 done, 2 bad input.
     """
     try:
-        options = parse(Options, prog="echoscape artefacts", words=arguments)
+        defaults = _defaults(arguments)
+        options = parse(Options, prog="echoscape artefacts", words=arguments, default=defaults)
         rows, paths = _written(options, arguments)
     except (DatasetError, SceneError, ValueError) as error:
         return _refuse(in_option_names(Options, str(error)))
@@ -65,6 +71,16 @@ def main(arguments: Sequence[str]) -> int:
     for path in paths:
         console.print(str(path), soft_wrap=True, highlight=False)
     return 0
+
+
+def _defaults(words: Sequence[str]) -> Options:
+    """Return the options before any but --radar, which decides the defaults of many others."""
+    radar = option_value("--radar", words)
+    try:
+        sensor = CTS350X if not radar else sensor_from(radar)
+    except ValueError as error:
+        raise ArgumentsError(f"--radar: {error}") from error
+    return Options(out=tyro.MISSING, simulation=replace(ScanOptions(), sensor=sensor))
 
 
 def _written(options: Options, words: Sequence[str]) -> tuple[list["ArtefactChange"], tuple[Path, ...]]:

@@ -10,12 +10,13 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from echoscape.cli.arguments import parse, with_config_file
+from echoscape.cli.arguments import in_option_names, parse, with_config_file
 from echoscape.cli.progress import ProgressBars
 from echoscape.cli.torch_setup import check_threads, require_torch, use_threads
 from echoscape.eval.detections.cfar import CfarSettings, OrderedCfarSettings
 from echoscape.eval.detections.k_strongest import KStrongestSettings
 from echoscape.eval.detections.registry import (
+    METHODS,
     NEED_TORCH,
     KeypointSettings,
     MethodSettings,
@@ -45,9 +46,9 @@ class Options:
     data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")]
     """Folder of simulated scans, with their truth."""
     out: Path
-    """Folder to write to."""
+    """Folder to write to, other than a data set; files of an earlier run are replaced."""
     methods: str = "cfar,kstrongest"
-    """Names separated by commas: cfar (cell averaging), oscfar (order statistics), kstrongest,
+    """Names separated by commas or spaces: cfar (cell averaging), oscfar (order statistics), kstrongest,
     cen2018 and cen2019 (hand-made keypoints), learned (keypoints; needs PyTorch)."""
     every: int = 1
     """Judge every Nth scan, from the first."""
@@ -75,11 +76,11 @@ def main(arguments: Sequence[str]) -> int:
         The exit code: 0 done, 2 bad input.
     """
     try:
-        words = with_config_file(Options, arguments)
+        words = _joined_methods(with_config_file(Options, arguments))
         options = parse(Options, prog="echoscape detections", words=words)
         result, paths = _run(options)
     except ValueError as error:  # errors of a data set among them
-        return _refuse(str(error))
+        return _refuse(in_option_names(Options, str(error)))
     except OSError as error:
         return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error))
     console = Console(width=max(Console().width, _LEAST_WIDTH))
@@ -90,17 +91,35 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
+def _joined_methods(words: Sequence[str]) -> list[str]:
+    """Join the names of methods that follow --methods by commas; DATA may come after them."""
+    found: list[str] = []
+    for word in words:
+        follows = found[-2:-1] == ["--methods"] or "".join(found[-1:]).startswith("--methods=")
+        if follows and set(_names(word)) <= set(METHODS):
+            found[-1] += f",{word}"
+        else:
+            found.append(word)
+    return found
+
+
+def _names(text: str) -> list[str]:
+    """Return the names in a text that separates them by commas or spaces."""
+    return text.replace(",", " ").split()
+
+
 def _run(options: Options) -> "tuple[DetectionResult, tuple[Path, ...]]":
     """Judge the methods and write the files; nothing is written before all results are there."""
     from echoscape.eval.detections.report import write_detection_report
     from echoscape.eval.detections.run import judge_detectors
-    from echoscape.sim.datasets.files.output_folder import check_output_folder
+    from echoscape.sim.datasets.files.output_folder import check_no_dataset, check_output_folder
     from echoscape.sim.datasets.scan_folder import open_folder
     from echoscape.sim.numerics.malloc import keep_freed_memory
 
     names = _checked_methods(options)
     folder = open_folder(options.data)
     check_output_folder(options.out)
+    check_no_dataset(options.out, options.data)
     keep_freed_memory()
     if set(names) & set(NEED_TORCH):
         use_threads(options.threads)
@@ -123,7 +142,7 @@ def _run(options: Options) -> "tuple[DetectionResult, tuple[Path, ...]]":
 
 def _checked_methods(options: Options) -> list[str]:
     """Return the names of the methods; refuse those that are unknown or cannot run."""
-    names = [name.strip() for name in options.methods.split(",")]
+    names = _names(options.methods)
     check_methods(names)
     check_threads(options.threads)
     for name in NEED_TORCH:

@@ -32,7 +32,7 @@ class Options:
     data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")]
     """Folder of scans: one of echoscape's, or real ones (Oxford, MulRan, Boreas), with truth or without."""
     out: Path
-    """Folder to write to."""
+    """Folder to write to, other than a data set; files of an earlier run are replaced."""
     method: Literal["learned", "fourier", "cen2018", "cen2019"] = "learned"
     """learned: keypoints; fourier: phase correlation; cen2018, cen2019: hand-made keypoints. Only the first
     needs weights and PyTorch."""
@@ -92,12 +92,13 @@ def _run(options: Options) -> "tuple[OdometryResult, dict[str, Any], tuple[Path,
     from echoscape.eval.odometry.metrics import odometry_metrics
     from echoscape.eval.odometry.report import write_odometry_report
     from echoscape.eval.odometry.run import run_odometry
-    from echoscape.sim.datasets.files.output_folder import check_output_folder
+    from echoscape.sim.datasets.files.output_folder import check_no_dataset, check_output_folder
     from echoscape.sim.datasets.scan_folder import open_folder
     from echoscape.sim.numerics.malloc import keep_freed_memory
 
     folder = open_folder(options.data)
     check_output_folder(options.out)
+    check_no_dataset(options.out, options.data)
     keep_freed_memory()
     method = _method(options, folder)
     places = _places(options, folder)

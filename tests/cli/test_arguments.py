@@ -1,9 +1,11 @@
 """Messages of bad command lines: each names the option, what is allowed and what was given."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from pathlib import Path
+from typing import Annotated, Literal
 
 import pytest
+import tyro
 
 from echoscape.cli.arguments import ArgumentsError, in_option_names, parse
 
@@ -50,12 +52,42 @@ class Options:
         ),
         ("--no-previw", "unknown option --no-previw; did you mean --no-preview?"),
         ("--xyzzy 3", "unknown option --xyzzy"),
+        ("--rain-mm 3", "unknown option --rain-mm; did you mean --wet-weather.rain-mm?"),
+        ("--sensor 3", "unknown option --sensor"),  # no more like --scans than --radar like --trace.draw
         ("OUT", "unknown argument 'OUT'"),
     ],
 )
 def test_message_names_the_option_and_what_is_allowed(words: str, message: str) -> None:
     with pytest.raises(ArgumentsError) as refused:
         parse(Options, prog="command", words=words.split())
+    assert str(refused.value) == message
+
+
+@dataclass(frozen=True, kw_only=True)
+class Required:
+    """Options of which three must be given."""
+
+    data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")]
+    """A folder."""
+    out: Path
+    """Folder to write to."""
+    worlds: tuple[str, ...]
+    """Worlds.
+
+    With a second paragraph --so."""
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("", "DATA, --out and --worlds are required"),
+        ("--out o", "DATA and --worlds are required"),
+        ("DATA --worlds a b", "--out is required"),
+    ],
+)
+def test_missing_arguments_are_named(words: str, message: str) -> None:
+    with pytest.raises(ArgumentsError) as refused:
+        parse(Required, prog="command", words=words.split())
     assert str(refused.value) == message
 
 

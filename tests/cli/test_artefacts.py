@@ -1,10 +1,13 @@
 """`echoscape artefacts`: figures and a table, or one line on what is wrong, and nothing left behind."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from echoscape.cli.__main__ import main
+from echoscape.sim.generation.config import SimulationConfig
+from echoscape.sim.sensor.cts_small import CTS_SMALL
 
 EMPTY = "--preset empty --seed 5 --scans 2"
 
@@ -20,6 +23,21 @@ def test_figures_are_written_and_changes_printed(tmp_path: Path, capsys: pytest.
     assert "| leakage | ×0.25 |" in (out / "artefacts.md").read_text()
 
 
+def test_the_scan_is_of_the_chosen_radar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[SimulationConfig] = []
+
+    def drawing(
+        _: Path, config: SimulationConfig, *__: object, **___: object
+    ) -> tuple[list[object], tuple[()]]:
+        drawn.append(config)
+        return [], ()
+
+    monkeypatch.setattr("echoscape.eval.ablation.figures.write_artefacts", drawing)
+    words = f"{tmp_path / 'out'} {EMPTY} --radar cts_small --sensor.tx-power-w 3".split()
+    assert main(["artefacts", *words]) == 0
+    assert [config.sensor for config in drawn] == [replace(CTS_SMALL, tx_power_w=3.0)]
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -28,6 +46,7 @@ def test_figures_are_written_and_changes_printed(tmp_path: Path, capsys: pytest.
         ("--only snow", "only must name some of speckle"),
         ("--artefacts.rain 1000", "rain must be between 0 and 150"),
         ("--fast", "--fast"),
+        ("--radar xyz", "--radar: a sensor must be one of cts350x"),
         ("--keep-beat", "--keep-beat"),
         ("--layout oxford", "--layout"),
     ],

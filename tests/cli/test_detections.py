@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from echoscape.cli.__main__ import main
+from echoscape.cli.arguments import parse
+from echoscape.cli.detections import Options, _joined_methods, _names
 from echoscape.sim.generation.config import SimulationConfig
 from echoscape.sim.generation.dataset import write_dataset
 from echoscape.sim.sensor.cts_small import CTS_SMALL
@@ -62,9 +64,11 @@ def test_options_come_from_a_file_too(yard: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--methods", "cfar,orb"], "methods must be among cfar, "),
+        (["--methods", "cfar,orb"], ": --methods must be among cfar, "),
         (["--methods", ""], "argument 5 (after --methods) must not be empty, got ''"),
-        (["--methods", ","], "methods must be among cfar, "),
+        (["--methods", ","], ": --methods must name at least one of cfar, "),
+        (["--methods", "cfar", "kstrongest", "cfar"], ": --methods must be named once each, got cfar twice"),
+        (["--methods", "cfar", "orb"], "unknown argument 'orb'"),
         (["--cfar.false-alarm-rate", "2"], "--cfar.false-alarm-rate must be above 0 and below 1, got 2.0"),
         (["--judge.near-m", "500"], "near_m must be below the last bin, "),
         (["--judge.targets", "all"], "--judge.targets must be one of static, direct, got 'all'"),
@@ -82,6 +86,23 @@ def test_bad_options_are_refused_in_a_line(
 ) -> None:
     assert message in refusal(capsys, str(yard), "--out", str(tmp_path / "out"), *words)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["--methods cfar kstrongest --out res DATA", "--methods=cfar, kstrongest DATA --out res",
+     "DATA --out res --methods cfar , kstrongest", "--methods cfar,kstrongest DATA --out res"],
+)  # fmt: skip
+def test_methods_are_separated_by_commas_or_spaces(words: str) -> None:
+    options = parse(Options, prog="echoscape detections", words=_joined_methods(words.split()))
+    assert _names(options.methods) == ["cfar", "kstrongest"]
+    assert options.data == Path("DATA")
+
+
+def test_results_go_beside_data_sets_not_into_them(yard: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = sorted(yard.rglob("*"))
+    assert "OUT must not be a data set" in refusal(capsys, str(yard), "--out", f"{yard}/../{yard.name}")
+    assert sorted(yard.rglob("*")) == before
 
 
 def test_folders_without_truth_or_scans_are_refused(

@@ -99,7 +99,7 @@ def test_without_arguments_the_folder_is_asked_for(
     monkeypatch.chdir(tmp_path)
     assert main(["simulate"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("echoscape simulate: Missing from echoscape simulate: OUT")
+    assert line == "echoscape simulate: OUT is required"
     assert list(tmp_path.iterdir()) == []
 
 

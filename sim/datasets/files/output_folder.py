@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 from echoscape.sim.datasets.files.atomic_write import DatasetError
+from echoscape.sim.datasets.files.metadata import FILE_NAME
 
 
 def check_output_folder(out: Path, *, empty: bool = False, hint: str = "") -> None:
@@ -27,6 +28,20 @@ def check_output_folder(out: Path, *, empty: bool = False, hint: str = "") -> No
         raise DatasetError(f"OUT cannot be made: {place} cannot be written to")
     if empty and out.is_dir() and any(out.iterdir()):
         raise DatasetError(f"OUT must be empty or new, {out} is not{f' ({hint})' if hint else ''}")
+
+
+def check_no_dataset(out: Path, data: Path) -> None:
+    """Refuse to write results into a data set.
+
+    Args:
+        out: The folder to write to, which need not exist yet.
+        data: The data set that the results are of.
+
+    Raises:
+        DatasetError: `out` is `data`, or holds another data set of echoscape.
+    """
+    if out.resolve() == data.resolve() or (out / FILE_NAME).exists():
+        raise DatasetError(f"OUT must not be a data set, {out} is one")
 
 
 def make_output_folder(out: Path) -> list[Path]:

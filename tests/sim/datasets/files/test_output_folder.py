@@ -7,6 +7,7 @@ import pytest
 
 from echoscape.sim.datasets.files.atomic_write import DatasetError
 from echoscape.sim.datasets.files.output_folder import (
+    check_no_dataset,
     check_output_folder,
     make_output_folder,
     remove_output_folder,
@@ -63,3 +64,15 @@ def test_an_existing_folder_stays_when_the_output_is_removed(tmp_path: Path) -> 
     assert made == []
     assert tmp_path.is_dir()
     assert not list(tmp_path.iterdir())
+
+
+def test_results_are_not_written_into_a_data_set(tmp_path: Path) -> None:
+    data, other, out = (tmp_path / name for name in ("data", "other", "out"))
+    for folder in (data, other):
+        folder.mkdir()
+    (other / "echoscape.json").touch()
+    check_no_dataset(out, data)
+    check_no_dataset(data / "results", data)
+    for folder in (data, tmp_path / "other" / ".." / "data", other):
+        with pytest.raises(DatasetError, match=f"OUT must not be a data set, {folder} is one"):
+            check_no_dataset(folder, data)
