@@ -78,13 +78,14 @@ class Options:
     grid: bool = False
     """Combine all strengths of all artefacts; by default one is changed at a time."""
     methods: tuple[str, ...] = ("learned,fourier",)
-    """Methods, separated by commas: learned (the coarsest bundled weights), learned-fine, fourier, cen2018,
-    cen2019; with -robust or -paper another solver of a learned one, such as learned-fine-robust; learned:FILE
-    takes weights from a file."""
+    """Methods, separated by commas or spaces: learned (the coarsest bundled weights), learned-fine, fourier,
+    cen2018, cen2019; with -robust or -paper another solver of a learned one, such as learned-fine-robust;
+    learned:FILE takes weights from a file."""
     simulation: Annotated[DriveOptions, tyro.conf.arg(name="")] = field(default_factory=DriveOptions)
     """The default condition: what `echoscape simulate` makes with the same options."""
     radar: str = CTS350X.name
-    """The radar: cts350x, cir204, cir304, cir304_rt, or a TOML file with the keys of docs/sensors.md."""
+    """The radar: cts350x (Oxford), cir204 (MulRan), cir304 (Boreas), cir304_rt (Boreas-RT), cts_small
+    (for tests), or a TOML file with the keys of docs/sensors.md. --sensor.* change single numbers of it."""
     targets: Path | None = None
     """TOML file of test targets to put into each world; its keys: docs/scenes.md."""
     keep_scans: bool = False
@@ -177,7 +178,7 @@ def _study(options: Options) -> "AblationStudy":
     levels = _named("--artefact", chosen_levels, options.artefact, suite)
     combined = partial(conditions, grid=options.grid)
     every = _named("--artefact", combined, levels, settings.artefacts, settings.sensor)
-    names = [name for word in options.methods for name in word.split(",") if name]
+    names = [name for word in options.methods for name in map(str.strip, word.split(",")) if name]
     methods = tuple(_named("--methods", method_choice, name) for name in names)
     if any(each.learned for each in methods):
         require_torch(f"--methods {','.join(names)}")

@@ -105,7 +105,7 @@ def test_the_default_condition_takes_the_options_of_a_simulation(tmp_path: Path)
         ("--suite stress --methods learned:none.safetensors", "none.safetensors: cannot be read"),
         ("--suite stress --worlds city:1", "--worlds: preset must be one of town"),
         ("--suite stress --worlds town", "--worlds: a world must be PRESET:SEED"),
-        ("--suite stress --worlds yard:1 yard:01", "--worlds must differ, got yard_1 2 times"),
+        ("--suite stress --worlds yard:1 yard:01", "--worlds must differ, got yard:1 2 times"),
         ("--suite stress --worlds none.toml:1", "none.toml"),
         ("--suite stress --scans 1", "--scans must be 2 or more, got 1"),
         ("--suite stress --workers 0", "--workers must be 1 or more, got 0"),

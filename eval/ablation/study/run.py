@@ -17,7 +17,13 @@ from typing import TYPE_CHECKING, Any
 from echoscape.eval.ablation.study.conditions import Condition
 from echoscape.eval.ablation.study.results import has_result, read_result, result_path
 from echoscape.eval.ablation.study.scans import DriveFolders, DriveWriter
-from echoscape.eval.ablation.study.settings import CODE, AblationDrive, AblationStudy, study_content
+from echoscape.eval.ablation.study.settings import (
+    CODE,
+    AblationDrive,
+    AblationStudy,
+    study_content,
+    world_of,
+)
 from echoscape.eval.ablation.study.workers import Task, carried_out, run_method, worker_pool, write_scan
 from echoscape.eval.odometry.methods import MethodChoice
 from echoscape.scenes.core.progress import Progress
@@ -113,7 +119,7 @@ def check_ablation(out: Path, study: AblationStudy, *, workers: int) -> dict[str
 
 def _check_same(found: dict[str, Any], content: dict[str, Any]) -> None:
     """Refuse a folder whose ablation.json `found` has other settings than `content`, or is of other code."""
-    differing = difference({**found, CODE: content[CODE]}, content)
+    differing = _other_names(found, content) or difference({**found, CODE: content[CODE]}, content)
     if differing is not None:
         raise DatasetError(f"OUT holds another ablation, which this one cannot continue: {differing}")
     if found.get(CODE) != content[CODE]:
@@ -121,6 +127,17 @@ def _check_same(found: dict[str, Any], content: dict[str, Any]) -> None:
             f"OUT holds an ablation by other code of echoscape ({CODE} {found.get(CODE)}, now "
             f"{content[CODE]}), which cannot be continued: take a new folder, or go back to that code"
         )
+
+
+def _other_names(found: dict[str, Any], content: dict[str, Any]) -> str | None:
+    """Name the first world, condition or method that only one of two ablations has."""
+    for kind, shown in {"worlds": world_of, "conditions": str, "methods": str}.items():
+        old, new = found.get(kind), content[kind]
+        if isinstance(old, dict) and old.keys() != new.keys():
+            lacking = next((name for name in new if name not in old), None)
+            name = lacking or next(name for name in old if name not in new)
+            return f"it {'lacks' if lacking else 'also has'} the {kind.removesuffix('s')} {shown(name)}"
+    return None
 
 
 class _Counts:

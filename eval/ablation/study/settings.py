@@ -62,7 +62,8 @@ class AblationStudy:
                 raise ValueError(f"{what} must name one or more")
             for name in names:
                 if names.count(name) > 1:
-                    raise ValueError(f"{what} must differ, got {name} {names.count(name)} times")
+                    shown = world_of(name) if what == "worlds" else name
+                    raise ValueError(f"{what} must differ, got {shown} {names.count(name)} times")
         if self.scans < 2:
             raise ValueError(f"scans must be 2 or more, got {self.scans}: odometry needs pairs")
 
@@ -106,6 +107,18 @@ def ablation_drive(word: str, settings: SimulationConfig) -> AblationDrive:
     scene = read_scene_file(Path(world)) if custom else None
     config = replace(settings, preset="" if custom else world, scene=scene, seed=int(seed), layout="oxford")
     return AblationDrive(name=f"{Path(world).stem}_{int(seed)}", config=config)
+
+
+def world_of(name: str) -> str:
+    """Write the name of a drive as its world is given.
+
+    Args:
+        name: Name of a drive, such as "town_7".
+
+    Returns:
+        The world with its seed, such as "town:7"; of a file without folder and suffix.
+    """
+    return ":".join(name.rsplit("_", 1))
 
 
 def study_content(study: AblationStudy) -> dict[str, Any]:

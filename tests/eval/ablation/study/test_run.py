@@ -221,8 +221,8 @@ def test_code_that_is_edited_meanwhile_is_continued_by_the_same_process_only(
     ("study", "message"),
     [
         (small_study(*LEVELS, seeds=(1, 2), scans=4), "scans was 3, now it is 4"),
-        (small_study(*LEVELS, seeds=(1, 3), scans=3), "worlds.yard_3 was None"),
-        (small_study("ghosts=0", seeds=(1, 2), scans=3), "conditions.ghosts=1 was a table"),
+        (small_study(*LEVELS, seeds=(1, 3), scans=3), "it lacks the world yard:3"),
+        (small_study("ghosts=0", seeds=(1, 2), scans=3), "it also has the condition ghosts=1"),
         (
             small_study(*LEVELS, seeds=(1, 2), scans=3, keep_scans=True),
             "keep_scans was False, now it is True",
