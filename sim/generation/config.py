@@ -70,7 +70,8 @@ class SimulationConfig:
         if self.preset in ("", CUSTOM_PRESET) and (self.scene is not None or not self.preset):
             object.__setattr__(self, "preset", DEFAULT_PRESET if self.scene is None else CUSTOM_PRESET)
         elif self.scene is not None:
-            raise ValueError(f"preset must not be given beside a scene, got {self.preset!r}")
+            what = "scene" if isinstance(self.scene, UserScene) else "map"
+            raise ValueError(f"preset must not be given beside a {what}, got {self.preset!r}")
         if isinstance(self.scene, UserScene):
             _check_default("traffic", self.traffic, "which has no traffic")
             _check_default("drive", self.drive, "which brings its drive")

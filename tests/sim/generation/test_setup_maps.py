@@ -73,7 +73,7 @@ def test_direct_echoes_of_buildings_lie_on_the_facades_of_the_map(made: Path) ->
 def test_one_scan_of_a_map_is_that_of_its_data_set(made: Path) -> None:
     found = scan(scene=MAP, seed=2, scans=2, sensor=FEW, index=1)
     assert found == replace(open_folder(made).read(1), truth=found.truth)
-    with pytest.raises(ValueError, match="preset must not be given beside a scene"):
+    with pytest.raises(ValueError, match="preset must not be given beside a map, got 'town'"):
         scan("town", scene=MAP)
 
 

@@ -54,7 +54,7 @@ def read_map(path: Path) -> OsmMap:
     """
     if not is_osm_file(path):
         hint = "; convert it with osmium cat -o map.osm" if path.suffix == ".pbf" else ""
-        raise SceneError(f"{path}: must be one of {', '.join(SUFFIXES)}{hint}")
+        raise SceneError(f"{path}: must end with one of {', '.join(SUFFIXES)}{hint}")
     found = _Elements(str(path))
     try:
         if path.name.lower().removesuffix(".gz").endswith(".json"):

@@ -119,7 +119,7 @@ def test_broken_json_is_refused_by_name(tmp_path: Path, text: str, says: str) ->
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"map\.pbf: must be one of \.osm.*osmium cat"):
+    with pytest.raises(SceneError, match=r"map\.pbf: must end with one of \.osm.*osmium cat"):
         read(tmp_path, b"x", "map.pbf")
     with pytest.raises(SceneError, match="broken gzip"):
         read(tmp_path, XML, "map.osm.gz")
