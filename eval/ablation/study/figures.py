@@ -197,6 +197,7 @@ def _headed(figure: Figure, study: AblationStudy, title: str, remark: str, *, le
         x += (0.35 + 0.1 * len(method.name)) / width
     drives = len(study.drives)
     few = ", too few for 95 %" if caution(drives) else ""
-    what = f"{drives} drives of {study.scans} scans; bars: 95 % over drives{few}"
+    bars = f"{drives} drives of {study.scans} scans; bars: 95 % over drives{few}"
+    what = bars if drives > 1 else f"1 drive of {study.scans} scans, no intervals"
     text = "; ".join([what, *([remark] if remark else [])])
     figure.text(1 - 0.3 / width, 1 - 0.66 / height, text, size=10, color=FAINT, va="center", ha="right")

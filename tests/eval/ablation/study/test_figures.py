@@ -114,9 +114,10 @@ def test_the_summary_says_what_is_filled_only_where_an_interval_can_be_clear(
 ) -> None:
     said: list[str] = []
     monkeypatch.setattr(figures, "png_bytes", lambda figure: said.extend(t.get_text() for t in figure.texts))
-    for drives in (5, 6):
+    for drives in (1, 5, 6):
         study = small_study("ghosts=0", seeds=tuple(range(drives)))
         summary_figure(study, ablation_rows(study, made_up(study, cost_m={})))
-    few, enough = (text for text in said if "bars" in text)
+    one, few, enough = (text for text in said if "of 2 scans" in text)
+    assert one == "1 drive of 2 scans, no intervals"
     assert few == "5 drives of 2 scans; bars: 95 % over drives, too few for 95 %"
     assert enough == "6 drives of 2 scans; bars: 95 % over drives; filled: the interval leaves out 0"
