@@ -29,6 +29,8 @@ def test_python_examples_run_in_order_and_print_what_they_say(tmp_path: Path) ->
     assert len(examples) == 4
     prose = re.sub(r"```.*?```", "", README, flags=re.DOTALL)
     assert not re.search(r"^ {4}\S", prose, re.MULTILINE)  # code outside of blocks would not be run
+    continued = [example for example in examples if "import echoscape\n" not in example]
+    assert all("with_targets(town," in example for example in continued)  # in the same town, says the text
     code = "".join(examples)
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],

@@ -177,4 +177,5 @@ def artefacts_from(given: Artefacts | Mapping[str, float | bool | None] | None) 
     for name in given:
         if name not in known:
             raise ValueError(f"an artefact must be one of {', '.join(known)}, got {name!r}")
-    return Artefacts(**given)
+    strengths: dict[str, Any] = dict(given)
+    return Artefacts(**strengths)
