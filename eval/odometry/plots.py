@@ -187,8 +187,11 @@ def matches_figure(
         A PNG file.
     """
     panels = 3 if motion.matches is not None else 2
-    figure = new_page(6.4 * panels, 7.0)
-    grid = figure.add_gridspec(1, panels, left=0.02, right=0.98, top=0.83, bottom=0.02, wspace=0.03)
+    height = 7.8
+    figure = new_page(6.4 * panels, height)
+    grid = figure.add_gridspec(
+        1, panels, left=0.02, right=0.98, top=1 - 1.6 / height, bottom=0.15 / height, wspace=0.03
+    )
     first, second = _image(earlier), _image(later)
     for column, (name, other) in enumerate((("as received", second), ("aligned", _moved(second, motion)))):
         axes = figure.add_subplot(grid[column])
@@ -198,15 +201,16 @@ def matches_figure(
         background = 0.6 * ECHO_COLOURMAP(first)[..., :3]
         _show(axes, background, "matches, on the earlier scan")
         _draw_matches(axes, motion.matches)
-    figure.text(0.02, 0.945, title, size=18, color=INK, weight="bold", va="center")
+    figure.text(0.02, 1 - 0.4 / height, title, size=18, color=INK, weight="bold", va="center")
     motions = [f"estimate: {_motion_text(motion.x_m, motion.y_m, motion.yaw_rad)}"]
     if true_motion is not None:
         motions.append(f"truth: {_motion_text(*true_motion.tolist())}")
     legend = ["red: earlier, cyan: later, white: both"]
     if motion.matches is not None:
         legend.append("dot: earlier point, line: to the later one, opacity: weight")
-    text = "   ·   ".join([*motions, *legend])
-    figure.text(0.98, 0.885, text, size=11, color=FAINT, va="center", ha="right")
+    for below_in, texts in ((0.78, motions), (1.04, legend)):
+        text = "   ·   ".join(texts)
+        figure.text(0.02, 1 - below_in / height, text, size=11, color=FAINT, va="center")
     return png_bytes(figure)
 
 

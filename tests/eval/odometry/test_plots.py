@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from echoscape.eval.odometry import plots
-from echoscape.eval.odometry.interface import PairMotion
+from echoscape.eval.odometry.interface import MatchedPoints, PairMotion
 from echoscape.eval.odometry.run import OdometryResult, PairResult
 from tests.sim.scans import drawn_scan
 
@@ -55,6 +55,25 @@ def test_a_pair_shows_the_true_motion_where_it_is_known() -> None:
     true = np.array([2.0, -0.1, 0.0])
     both = texts(plots.matches_figure(scan, scan, motion, title="pair", true_motion=true))
     assert "truth: +2.000 m forward, -0.100 m right, yaw +0.000 deg" in both
+
+
+@pytest.mark.parametrize("panels", [2, 3])
+def test_the_texts_of_a_pair_stay_above_its_panels(panels: int) -> None:
+    points = np.zeros((1, 2))
+    matches = None if panels == 2 else MatchedPoints(earlier_m=points, later_m=points, weights=np.ones(1))
+    scan = drawn_scan()
+    motion = PairMotion(x_m=-1.9, y_m=-12.0, yaw_rad=-1.0, matches=matches)
+    true = np.array([-2.0, -12.1, -1.1])
+    figure = plots.matches_figure(scan, scan, motion, title="fourier, scans 100 and 101", true_motion=true)
+    assert isinstance(figure, Figure)
+    figure.canvas.draw()
+    boxes = [axes.get_window_extent() for axes in figure.axes]
+    assert len(boxes) == panels
+    for text in figure.texts:
+        extent = text.get_window_extent()
+        assert extent.x0 >= boxes[0].x0 - 5
+        assert extent.x1 <= boxes[-1].x1
+        assert extent.y0 > max(box.y1 for box in boxes)
 
 
 def test_each_error_over_time_has_its_own_name() -> None:
