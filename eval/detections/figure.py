@@ -132,6 +132,7 @@ def _recall(axes: Axes, result: DetectionResult) -> None:
 
 def _false_alarms(axes: Axes, methods: Sequence[JudgedMethod]) -> None:
     """Draw what the false detections fell on, as shares of all detections of each method."""
+    labels = []
     for place, method in enumerate(methods):
         total = method.blocks.total
         alarms = false_alarms(total)
@@ -141,14 +142,12 @@ def _false_alarms(axes: Axes, methods: Sequence[JudgedMethod]) -> None:
             share = 100 * alarms[cause] / detections
             axes.barh(place, share, left=left, height=0.6, color=LABEL_COLOURS[cause], ec="none")
             left += share
-        text = f"  {sum(alarms.values()):.0f} of {detections:.0f} a scan"
-        axes.annotate(text, (left, place), color=INK, size=10, va="center", family=font_family())
+        labels.append(f"{method.name}\n{sum(alarms.values()):.0f} of {detections:.0f}")
     style_curves(axes, "false alarms [% of the detections]", "")
-    axes.set_yticks(range(len(methods)), [method.name for method in methods], color=INK, size=12)
-    axes.set(ylim=(len(methods) - 0.4, -0.6), xlim=(0, 135))
-    axes.set_xticks(range(0, 101, 20))
+    axes.set_yticks(range(len(methods)), labels, color=INK, size=11)
+    axes.set(ylim=(len(methods) - 0.4, -0.6), xlim=(0, 100))
     axes.grid(visible=False, axis="y")
-    _titled(axes, "False alarms by cause", "colours as below")
+    _titled(axes, "False alarms by cause", "with numbers of a scan; colours as below")
 
 
 # ---------------------------------------------------------------------- the scan
@@ -176,7 +175,7 @@ def _scan(axes: Axes, result: DetectionResult, method: JudgedMethod) -> None:
     axes.spines[:].set(color=FRAME, linewidth=0.8)
     judged = int((method.shown_labels != OUTSIDE).sum())
     true = int((method.shown_labels == TARGET).sum())
-    _titled(axes, method.name, f"scan {result.shown_number}: {true} of {judged} true")
+    _titled(axes, method.name, f"scan {result.shown_number} (from 0): {true} of {judged} true")
 
 
 def _places(result: DetectionResult, method: JudgedMethod) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
