@@ -5,13 +5,14 @@ from pathlib import Path
 
 import pytest
 
+from echoscape.eval.detections.bootstrap import BLOCK_M, DRAWS
 from echoscape.eval.detections.cfar import CfarSettings, OrderedCfarSettings
 from echoscape.eval.detections.k_strongest import KStrongestSettings
 from echoscape.eval.detections.precision_recall import LEVELS
 from echoscape.eval.detections.registry import METHODS
 from echoscape.eval.detections.report import TABLE_COLUMNS
-from echoscape.eval.detections.run import MOST_BLOCKS
 from echoscape.eval.detections.targets import JudgeSettings
+from echoscape.eval.statistics.intervals import CONFIDENCE, FEWEST
 from tests.paths import ROOT
 
 PAGE = (ROOT / "docs" / "detections.md").read_text()
@@ -52,7 +53,9 @@ def test_numbers_in_the_text_are_the_defaults() -> None:
         in TEXT
     )
     assert f"sorted into {LEVELS} levels" in TEXT
-    assert f"at most {MOST_BLOCKS} of them" in TEXT
+    assert f"at {100 * CONFIDENCE:g} %: percentiles of {DRAWS:,} resamplings" in TEXT
+    assert f"A block is a way of {BLOCK_M:g} m or more" in TEXT
+    assert f"{FEWEST} blocks are the fewest" in TEXT
 
 
 def test_the_figure_is_small() -> None:

@@ -61,7 +61,7 @@ def detections_page(result: DetectionResult) -> bytes:
     page = new_page(_WIDTH_IN, height_in)
     _caption(page, result, height_in)
     curves = page.add_gridspec(
-        1, 3, left=0.05, right=0.985, top=1 - 1.5 / height_in, bottom=1 - 5.8 / height_in, wspace=0.26
+        1, 3, left=0.05, right=0.985, top=1 - 1.5 / height_in, bottom=1 - 5.8 / height_in, wspace=0.32
     )
     _curves(page.add_subplot(curves[0, 0]), result.methods)
     _recall(page.add_subplot(curves[0, 1]), result)
@@ -143,11 +143,11 @@ def _false_alarms(axes: Axes, methods: Sequence[JudgedMethod]) -> None:
             axes.barh(place, share, left=left, height=0.6, color=LABEL_COLOURS[cause], ec="none")
             left += share
         labels.append(f"{method.name}\n{sum(alarms.values()):.0f} of {detections:.0f}")
-    style_curves(axes, "false alarms [% of the detections]", "")
-    axes.set_yticks(range(len(methods)), labels, color=INK, size=11)
+    style_curves(axes, "false alarms [% of the detections]; left: numbers in a scan", "")
+    axes.set_yticks(range(len(methods)), labels, color=INK, size=10)
     axes.set(ylim=(len(methods) - 0.4, -0.6), xlim=(0, 100))
     axes.grid(visible=False, axis="y")
-    _titled(axes, "False alarms by cause", "with numbers of a scan; colours as below")
+    _titled(axes, "False alarms by cause", "colours as below")
 
 
 # ---------------------------------------------------------------------- the scan

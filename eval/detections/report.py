@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from echoscape.eval.detections.blocks import BLOCK_M
-from echoscape.eval.detections.bootstrap import why_no_intervals
+from echoscape.eval.detections.bootstrap import BLOCK_M, why_no_intervals
 from echoscape.eval.detections.figure import detections_page
 from echoscape.eval.detections.merit import (
     CAUSES,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from echoscape.eval.detections.blocks import block_numbers
+from echoscape.eval.detections.bootstrap import block_numbers
 from echoscape.eval.detections.interface import Detections, Detector, Recorded
 from echoscape.eval.detections.tally import BAND_M, Tally, tally_scan
 from echoscape.eval.detections.targets import JudgeSettings, ScanTargets, judged_bins
@@ -55,7 +55,7 @@ class DetectionResult:
         far_m: Where they end [m].
         scans: Number of scans.
         travelled_m: Way from the first scan to the last one [m].
-        blocks: Number of blocks of these scans (`eval.detections.blocks`).
+        blocks: Number of blocks of these scans (`eval.detections.bootstrap`).
         shown_number: Number of the scan that is drawn, in the folder.
         shown_scan: That scan.
         methods: The methods.

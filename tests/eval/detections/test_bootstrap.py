@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from echoscape.eval.detections.blocks import BLOCK_M
-from echoscape.eval.detections.bootstrap import confidence_intervals, why_no_intervals
+from echoscape.eval.detections.bootstrap import BLOCK_M, confidence_intervals, why_no_intervals
 from echoscape.eval.detections.tally import Tally
 from echoscape.eval.detections.targets import TARGET
 from echoscape.eval.statistics.intervals import FEWEST

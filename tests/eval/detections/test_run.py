@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from echoscape.eval.detections.blocks import BLOCK_M
+from echoscape.eval.detections.bootstrap import BLOCK_M
 from echoscape.eval.detections.cfar import CfarSettings
 from echoscape.eval.detections.interface import ScoredScan, cells_of
 from echoscape.eval.detections.merit import FIGURE_NAMES, figures

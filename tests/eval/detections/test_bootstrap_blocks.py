@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from echoscape.eval.detections.blocks import BLOCK_M, block_numbers
+from echoscape.eval.detections.bootstrap import BLOCK_M, block_numbers
 
 
 @given(steps=st.lists(st.floats(0, 3 * BLOCK_M), max_size=60))
