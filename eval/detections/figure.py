@@ -61,7 +61,7 @@ def detections_page(result: DetectionResult) -> bytes:
     page = new_page(_WIDTH_IN, height_in)
     _caption(page, result, height_in)
     curves = page.add_gridspec(
-        1, 3, left=0.05, right=0.985, top=1 - 1.5 / height_in, bottom=1 - 5.8 / height_in, wspace=0.32
+        1, 3, left=0.05, right=0.985, top=1 - 1.5 / height_in, bottom=1 - 5.8 / height_in, wspace=0.3
     )
     _curves(page.add_subplot(curves[0, 0]), result.methods)
     _recall(page.add_subplot(curves[0, 1]), result)
@@ -115,7 +115,7 @@ def _curves(axes: Axes, methods: Sequence[JudgedMethod]) -> None:
     style_curves(axes, "recall of echoes", "precision of detections")
     axes.set(xlim=(0, 1), ylim=(0, 1.02))
     axes.legend(loc="lower right", frameon=False, labelcolor=INK, prop={"size": 11, "family": font_family()})
-    _titled(axes, "Precision and recall", "over the score; dot: all detections")
+    _titled(axes, "Precision and recall", "by score; dot: all detections")
 
 
 def _recall(axes: Axes, result: DetectionResult) -> None:
