@@ -146,7 +146,7 @@ def test_a_map_has_its_origin_among_its_numbers(tmp_path: Path, monkeypatch: pyt
     ("words", "says"),
     [
         (["--osm", "absent.osm"], "absent.osm: No such file"),
-        (["--osm", "map.pbf"], "map.pbf: must be one of .osm"),
+        (["--osm", "map.pbf"], "map.pbf: must end with one of .osm"),
         (["--osm", str(EXAMPLES / "small_town.osm"), "--preset", "town"], "--preset must not be given"),
         (["--osm", str(EXAMPLES / "small_town.osm"), *YARD], "--osm must not be given beside a scene"),
     ],

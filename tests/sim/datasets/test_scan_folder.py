@@ -237,6 +237,7 @@ def test_layouts_are_found_by_name_and_every_sensor_has_a_home() -> None:
     homes = {name: home_of(name).name for name in (*SENSORS, "mine")}
     assert homes == {
         "cts350x": "oxford",
+        "cts_small": "oxford",
         "cir204": "mulran",
         "cir304": "boreas",
         "cir304_rt": "boreas",
