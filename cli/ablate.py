@@ -178,6 +178,8 @@ def _study(options: Options) -> "AblationStudy":
     levels = _named("--artefact", chosen_levels, options.artefact, suite)
     combined = partial(conditions, grid=options.grid)
     every = _named("--artefact", combined, levels, settings.artefacts, settings.sensor)
+    if len({each.strengths(settings.sensor) for each in every}) == 1:
+        raise ArgumentsError("--artefact must have a strength other than that of the default condition")
     names = [name for word in options.methods for name in map(str.strip, word.split(",")) if name]
     methods = tuple(_named("--methods", method_choice, name) for name in names)
     if any(each.learned for each in methods):

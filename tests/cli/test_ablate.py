@@ -96,6 +96,7 @@ def test_the_default_condition_takes_the_options_of_a_simulation(tmp_path: Path)
     ("words", "message"),
     [
         ("", "an artefact or a suite must be given"),
+        ("--artefact ghosts=default", "--artefact must have a strength other than that of the default"),
         ("--artefact snow=1", "--artefact: must name an artefact"),
         ("--artefact rain=1000", "--artefact: rain must be between 0 and 150, got 1000"),
         ("--artefact rain=5 --artefact rain=9 --suite stress", "--artefact: rain must be given once"),
