@@ -111,22 +111,12 @@ class DriveWriter:
 
     @cached_property
     def _simulator(self) -> "Simulator":
+        from echoscape.sim.generation.single_scan import simulator_of
         from echoscape.sim.raytracing.mitsuba_backend import set_threads
-        from echoscape.sim.simulator import Simulator
 
         if self._threads is not None:
             set_threads(self._threads)
-        setup, config = self._setup, self._config
-        return Simulator(
-            setup.scene,
-            setup.drive,
-            setup.movers,
-            seed=config.seed,
-            sensor=config.sensor,
-            settings=config.trace,
-            artefacts=config.artefacts,
-            surfaces=config.surfaces,
-        )
+        return simulator_of(self._setup, self._config)
 
     def missing(self) -> list[int]:
         """Find the scans that a condition lacks.
